@@ -4,14 +4,10 @@ A keypoint is the middle of a cell, its score the cell's mean brightness. Its pa
 keypoint of the same cell, its confidence its score; a cell outside of the image has none.
 """
 
-import json
-
 import numpy as np
-import onnx
-from lucas_kanade_network import NetworkBuilder
-from onnx import TensorProto, helper
+import onnx_network
+from onnx_network import NetworkBuilder
 
-from dfvs_core.messages.manifest import Graph, Manifest, sha256
 from dfvs_core.messages.network_tensors import ImageInput
 
 WIDTH, HEIGHT, CELL = 96, 64, 16
@@ -25,21 +21,6 @@ def centres(columns, rows):
     """Middles (N, 2) px of a grid of cells, row by row."""
     u, v = np.meshgrid(np.arange(columns), np.arange(rows))
     return CELL * (np.stack([u, v], axis=-1).reshape(-1, 2) + 0.5) - 0.5
-
-
-def _model(builder, inputs, outputs):
-    tensors = [
-        [helper.make_tensor_value_info(n, TensorProto.FLOAT, s) for n, s in side.items()]
-        for side in (inputs, outputs)
-    ]
-    graph = helper.make_graph(builder.nodes, "grid", *tensors, list(builder.constants.values()))
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.checker.check_model(model)
-    return model
-
-
-def _name(builder, value, name):
-    builder.nodes.append(helper.make_node("Identity", [value], [name]))
 
 
 def _endless(builder, scores):
@@ -59,11 +40,10 @@ def encode_model(is_spoilt=False, offset=0.0):
     points = b.constant(centres(WIDTH // CELL, HEIGHT // CELL)[None].astype(np.float32) + offset)
     if is_spoilt:
         points = b.op("Add", points, _endless(b, scores))
-    _name(b, points, "points")
-    _name(b, b.op("Mul", column, b.constant(np.ones((1, 1, CHANNELS), np.float32))), "descriptors")
-    _name(b, scores, "scores")
-    shapes = dict(_named((1, COUNT), CHANNELS))
-    return _model(b, {"image": (1, 1, HEIGHT, WIDTH)}, shapes)
+    b.give(points, "points")
+    b.give(b.op("Mul", column, b.constant(np.ones((1, 1, CHANNELS), np.float32))), "descriptors")
+    b.give(scores, "scores")
+    return b.model({"image": (1, 1, HEIGHT, WIDTH)}, dict(_named((1, COUNT), CHANNELS)))
 
 
 ANY = "pairs", "keypoints"
@@ -78,11 +58,11 @@ def match_model(confidence="Relu", is_spoilt=False, sizes=ANY, width=2, channels
         partners = b.op("Add", partners, _endless(b, "first_scores"))
     if width != 2:
         partners = b.op("Concat", *([partners] * (width // 2)), axis=2)
-    _name(b, partners, "partners")
+    b.give(partners, "partners")
     scores = b.op("Relu", "first_scores") if confidence == "Reciprocal" else "first_scores"
-    _name(b, b.op(confidence, scores), "confidence")
+    b.give(b.op(confidence, scores), "confidence")
     inputs = {f"{side}_{n}": s for side in ("first", "second") for n, s in _named(sizes, channels)}
-    return _model(b, inputs, {"partners": (*sizes, width), "confidence": sizes})
+    return b.model(inputs, {"partners": (*sizes, width), "confidence": sizes})
 
 
 def _named(sizes, channels):
@@ -91,25 +71,7 @@ def _named(sizes, channels):
 
 def write_bundle(folder, encode=None, match=None, **changes):
     """Write a bundle; ``changes`` replace entries of its manifest."""
-    folder.mkdir(parents=True, exist_ok=True)
-    models = {"encode.onnx": encode or encode_model(), "match.onnx": match or match_model()}
-    contents = {name: model.SerializeToString() for name, model in models.items()}
-    for name, data in contents.items():
-        (folder / name).write_bytes(data)
-    match_inputs = tuple(f"{side}_{name}" for side in ("first", "second") for name in ENCODED)
-    manifest = Manifest(
-        format="dfvs-bundle/2",
-        name="grid",
-        kind="encode-match",
-        input=ImageInput(WIDTH, HEIGHT, channels="grey", scale=1.0),
-        graphs={
-            "encode": Graph("encode.onnx", ("image",), ENCODED),
-            "match": Graph("match.onnx", match_inputs, MATCHED),
-        },
-        files={name: sha256(data) for name, data in contents.items()},
-        licence="Apache-2.0",
-        origin="built by a test",
-    )
-    document = json.loads(manifest.to_json()) | changes
-    (folder / "manifest.json").write_text(json.dumps(document))
-    return folder
+    models = {"encode": encode or encode_model(), "match": match or match_model()}
+    image = ImageInput(WIDTH, HEIGHT, channels="grey", scale=1.0)
+    made = onnx_network.bundle_of("encode-match", models, image)
+    return onnx_network.write_bundle(folder, made, **changes)

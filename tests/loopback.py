@@ -1,4 +1,4 @@
-"""Free places on the loopback interface, and a Zenoh peer that listens at one."""
+"""Free places on the loopback interface, and Zenoh peers between them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,17 @@ def free_endpoint() -> str:
     return f"tcp/127.0.0.1:{free_tcp_port()}"
 
 
+def peer(connect: tuple[str, ...] = (), listen: tuple[str, ...] = ()) -> zenoh.Session:
+    """Zenoh peer as the service and its cameras open it."""
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", connect, listen):
+        settings.insert_json5(key, value)
+    return zenoh.open(settings)
+
+
 @contextmanager
 def listening_peer() -> Iterator[tuple[zenoh.Session, str]]:
     """Zenoh peer as a service opens it, and where it listens."""
     endpoint = free_endpoint()
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (), (endpoint,)):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as session:
+    with peer(listen=(endpoint,)) as session:
         yield session, endpoint

@@ -4,46 +4,19 @@ Blur, gradients, the 2 x 2 normal equations over a window, a warp by GridSample,
 It finds motion of a few pixels. The manifest beside it says how pictures enter and flow leaves.
 """
 
-import json
-
 import numpy as np
-import onnx
-from onnx import TensorProto, helper, numpy_helper
+import onnx_network
+from onnx_network import NetworkBuilder
 
-from dfvs_core.messages.manifest import Graph, Manifest, sha256
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _WINDOW = 15
 
 
-class NetworkBuilder:
-    """Collects nodes and constants; every method gives the name of its result."""
-
-    def __init__(self):
-        self.nodes, self.constants = [], {}
-
-    def op(self, kind, *inputs, **attributes):
-        out = f"t{len(self.nodes)}"
-        self.nodes.append(helper.make_node(kind, list(inputs), [out], **attributes))
-        return out
-
-    def constant(self, values):
-        name = f"c{len(self.constants)}"
-        self.constants[name] = numpy_helper.from_array(np.asarray(values), name)
-        return name
-
-    def filtered(self, x, kernel):
-        """2-D filter of one channel, the border repeated."""
-        kernel = np.atleast_2d(np.asarray(kernel, np.float32))
-        v, u = kernel.shape[0] // 2, kernel.shape[1] // 2
-        pads = self.constant(np.array([0, 0, v, u, 0, 0, v, u], np.int64))
-        padded = self.op("Pad", x, pads, mode="edge")
-        return self.op("Conv", padded, self.constant(kernel[None, None]))
-
-    def windowed(self, x):
-        """Mean over the window."""
-        return self.filtered(x, np.full((_WINDOW, _WINDOW), 1.0 / _WINDOW**2))
+def _windowed(b, x):
+    """Mean over the window."""
+    return b.filtered(x, np.full((_WINDOW, _WINDOW), 1.0 / _WINDOW**2))
 
 
 def _grey(b, x, channels):
@@ -59,8 +32,8 @@ def _step(b, current, other):
     gu = b.filtered(current, [[-0.5, 0.0, 0.5]])
     gv = b.filtered(current, [[-0.5], [0.0], [0.5]])
     gt = b.op("Sub", other, current)
-    uu, uv, vv = (b.windowed(b.op("Mul", p, q)) for p, q in ((gu, gu), (gu, gv), (gv, gv)))
-    ut, vt = (b.windowed(b.op("Mul", p, gt)) for p in (gu, gv))
+    uu, uv, vv = (_windowed(b, b.op("Mul", p, q)) for p, q in ((gu, gu), (gu, gv), (gv, gv)))
+    ut, vt = (_windowed(b, b.op("Mul", p, gt)) for p in (gu, gv))
     det = b.op("Sub", b.op("Mul", uu, vv), b.op("Mul", uv, uv))
     det = b.op("Add", det, b.constant(np.float32(1e-3)))
     u = b.op("Sub", b.op("Mul", uv, vt), b.op("Mul", vv, ut))
@@ -79,13 +52,10 @@ def _warp(b, picture, flow):
 
 
 def _pictures(b, layout, channels):
-    """Declared inputs, and the names of the two pictures (1, C, H, W)."""
+    """Shapes of the inputs by name, and the names of the two pictures (1, C, H, W)."""
     spec = ImageInput(WIDTH, HEIGHT, layout=layout, channels=channels)
     names = ("current", "other") if layout == "separate" else ("pictures",)
-    inputs = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-        for name, shape in zip(names, spec.pair_shapes(), strict=True)
-    ]
+    inputs = dict(zip(names, spec.pair_shapes(), strict=True))
     if layout == "separate":
         return inputs, names
     axis = b.constant(np.array([1], np.int64))
@@ -110,35 +80,13 @@ def network(layout="separate", channels="rgb", flow=None):
     total = b.op("AveragePool", total, kernel_shape=[k, k], strides=[k, k])
     if flow.order == "vu":
         total = b.op("Gather", total, b.constant(np.array([1, 0], np.int64)), axis=1)
-    b.nodes.append(
-        helper.make_node("Mul", [total, b.constant(np.float32(1.0 / flow.scale))], ["flow"])
-    )
-    shape = (1, 2, HEIGHT // k, WIDTH // k)
-    outputs = [helper.make_tensor_value_info("flow", TensorProto.FLOAT, shape)]
-    constants = list(b.constants.values())
-    graph = helper.make_graph(b.nodes, "lucas_kanade", inputs, outputs, constants)
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    b.give(b.op("Mul", total, b.constant(np.float32(1.0 / flow.scale))), "flow")
+    return b.model(inputs, {"flow": (1, 2, HEIGHT // k, WIDTH // k)})
 
 
-def write_bundle(folder, model=None, layout="separate", channels="rgb", output=None, **changes):
+def write_bundle(folder, layout="separate", channels="rgb", output=None, **changes):
     """Write a bundle; ``changes`` replace entries of its manifest."""
-    folder.mkdir(parents=True, exist_ok=True)
-    model = model or network(layout, channels, output)
-    onnx.checker.check_model(model)
-    data = model.SerializeToString()
-    (folder / "pair.onnx").write_bytes(data)
-    inputs = ("current", "other") if layout == "separate" else ("pictures",)
-    manifest = Manifest(
-        format="dfvs-bundle/2",
-        name="lucas-kanade",
-        kind="pair",
-        input=ImageInput(WIDTH, HEIGHT, layout=layout, channels=channels),
-        graphs={"pair": Graph("pair.onnx", inputs, ("flow",))},
-        files={"pair.onnx": sha256(data)},
-        licence="Apache-2.0",
-        origin="built by a test from Lucas and Kanade's equations",
-        flow=output or FlowOutput(),
-    )
-    document = json.loads(manifest.to_json()) | changes
-    (folder / "manifest.json").write_text(json.dumps(document))
-    return folder
+    image = ImageInput(WIDTH, HEIGHT, layout=layout, channels=channels)
+    models = {"pair": network(layout, channels, output)}
+    made = onnx_network.bundle_of("pair", models, image, flow=output or FlowOutput())
+    return onnx_network.write_bundle(folder, made, **changes)

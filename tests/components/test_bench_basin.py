@@ -91,27 +91,3 @@ def test_the_report_shows_it_beside_the_paper_s(folder):
     assert "<td>true-depth<td>4°, 4°, 8°<td>overlap ≥ 20%<td>" in text
     assert text.count("data:image/svg") == 1
     assert "Flights" not in text
-
-
-def test_a_report_of_nothing_is_refused(tmp_path, capsys):
-    words = [f"--{name}={tmp_path / 'none'}" for name in ("runs", "basin", "drone")]
-    assert main(["report", *words, "--out", str(tmp_path / "report.html")]) == 2
-    assert "hold no trials" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--rotations", "20,20"), "three angles"),
-        (("--translations", "near"), "--translations is 'near'"),
-        (("--translations", "0"), "translation is 0 m"),
-        (("--trials", "0"), "--trials is 0"),
-        (("--seed", "-1"), "--seed is -1"),
-        (("--plot", "basin.txt"), ".png"),
-        (("--method", "magic"), "no method 'magic'"),
-        (("--scenes", "moon"), "no scene 'moon'"),
-        (("--dask", "tcp://127.0.0.1:1", "--workers", "2"), "--workers 2 beside --dask"),
-    ],
-)
-def test_bad_words_are_one_clear_line(folder, refused, words, message):
-    assert message in refused(lambda words: basin(folder, *words), *words)

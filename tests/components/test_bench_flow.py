@@ -77,15 +77,6 @@ def test_a_bundle_of_another_size_gives_flow_of_the_pictures_size(pairs, tmp_pat
     assert small["confident_half_epe_px"] < 0.3
 
 
-def test_what_it_cannot_measure_is_answered_with_what_it_can(pairs, tmp_path):
-    with pytest.raises(DfvsError, match="no model 'raft'; expected 'classical' or the folder"):
-        bench(pairs, "--bundle", "raft")
-    with pytest.raises(DfvsError, match="--threads is 0; expected 1 to 64"):
-        bench(pairs, "--threads", "0")
-    with pytest.raises(DfvsError, match="lies in no folder"):
-        bench(pairs, "--json", tmp_path / "none" / "flow.json")
-
-
 def test_files_that_are_no_pairs_are_refused(tmp_path, pairs):
     (tmp_path / "text.npz").write_text("hello")
     (tmp_path / "cut.npz").write_bytes(pairs.read_bytes()[:-2000])

@@ -80,20 +80,3 @@ def test_a_flight_that_is_kept_is_not_flown_again(folder, capsys):
     assert row["revision"]
     assert row["seed"] == "0"
     assert (row["estimate"], row["wind"]) == ("low", "calm")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--set", "limits.speed=3"), "unknown key 'limits.speed'"),
-        (("--set", "flow.model=classical"), "--bundle"),
-        (("--timeout", "0"), "--timeout is 0"),
-        (("--seed", "-1"), "--seed is -1"),
-        (("--scenes", "moon"), "no scene 'moon'"),
-        (("--scene", "moon.glb"), "moon.glb is no GLB file"),
-    ],
-)
-def test_bad_words_are_one_clear_line(tmp_path, refused, words, message):
-    write_tasks(tmp_path / "tasks.json", [TASK])
-    assert message in refused(lambda words: drone(tmp_path, *words), *words)
-    assert not (tmp_path / "runs").exists()

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from depth_bundle import bundle, write_bundle
+from depth_bundle import bundle
+from onnx_network import write_bundle
 
 from dfvs_bench.lockstep.run import SimulatedJob, fly
 from dfvs_core.geometry.camera import CameraModel

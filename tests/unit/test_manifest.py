@@ -40,7 +40,7 @@ def test_a_manifest_survives_the_way_to_json_and_back():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "dfvs-bundle/1"}, "format 'dfvs-bundle/1'"),
+        ({"format": "dfvs-bundle/1"}, "format 'dfvs-bundle/1'; expected 'dfvs-bundle/2'"),
         ({"kind": "triple"}, "kind = 'triple'"),
         ({"licence": 7}, "licence = 7"),
         ({"lisence": "MIT"}, "did you mean 'licence'"),
@@ -71,9 +71,16 @@ def test_names_that_could_lead_out_of_the_folder_are_refused(name):
         Manifest.from_json(json.dumps(changed).encode())
 
 
-@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"\xff\xfe\x00", b"[" * 100_000])
-def test_what_is_no_json_object_is_refused(data):
-    with pytest.raises(ModelError):
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        *((data, "is not JSON") for data in (b"", b"{", b"\0\1 no", b"\xff\xfe\0", b"[" * 100_000)),
+        (b"[]", "manifest: "),
+    ],
+    ids=["empty", "cut", "bytes", "no UTF-8", "deep", "a list"],
+)
+def test_what_is_no_json_object_is_refused(data, message):
+    with pytest.raises(ModelError, match=message):
         Manifest.from_json(data)
 
 

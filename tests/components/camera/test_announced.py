@@ -3,13 +3,12 @@
 import threading
 
 import pytest
-import zenoh
+from loopback import peer
 from ros2_samples import info_message
 from test_camera_process import CAMERA, TOPICS
 
 from dfvs_core.errors import WireError
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.perception.announced import await_camera
 from dfvs_service.settings.config import load_config
@@ -29,10 +28,7 @@ def config(endpoint, **camera):
 @pytest.fixture
 def session(endpoint):
     """Peer that connects as soon as the service listens."""
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (endpoint,), ()):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as made:
+    with peer(connect=(endpoint,)) as made:
         yield made
 
 

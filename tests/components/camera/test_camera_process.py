@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import zenoh
-from loopback import free_endpoint, listening_peer
+from loopback import free_endpoint, listening_peer, peer
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.schema import parse
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
 from dfvs_service.settings.calibration_file import write_calibration
 
@@ -31,10 +29,7 @@ class Listener:
 
     def __init__(self):
         self.endpoint = free_endpoint()
-        settings = zenoh.Config()
-        for key, value in zenoh_settings("peer", (), (self.endpoint,)):
-            settings.insert_json5(key, value)
-        self.session = zenoh.open(settings)
+        self.session = peer(listen=(self.endpoint,))
         self.samples, self.calibrations = [], []
         self.arrived = threading.Event()
         self.frames = self.session.declare_subscriber(TOPICS.camera, self._on_frame)

@@ -7,14 +7,12 @@ import time
 import cv2
 import numpy as np
 import pytest
-import zenoh
-from loopback import free_endpoint
+from loopback import free_endpoint, peer
 from test_camera_process import CAMERA, SIZE, TOPICS
 
 from dfvs_core.gate.events import Attitude, LocalPosition
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.image import encode_png
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
 from dfvs_service.camera.goal import sharpness_of
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
@@ -71,27 +69,14 @@ def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
         (("--size", "640x480"), "the calibration's size"),
     ],
 )
-def test_what_cannot_be_is_one_line_and_leaves_nothing(pictures, capsys, more, message):
-    assert cli.main(words(pictures, *more)) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith("error: ")
-    assert message in error
+def test_what_cannot_be_is_one_line_and_leaves_nothing(pictures, refused, more, message):
+    assert message in refused(cli.main, *words(pictures, *more))
     assert not (pictures.parent / "goal.png").exists()
 
 
-def test_without_a_calibration_nothing_is_taken(pictures, capsys):
+def test_without_a_calibration_nothing_is_taken(pictures, refused):
     without = [w for w in words(pictures) if "camera.toml" not in w and w != "--calibration"]
-    assert cli.main(without) == 2
-    assert "nothing is known of the camera's lens" in capsys.readouterr().err
-
-
-@contextlib.contextmanager
-def peer(connect=(), listen=()):
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", connect, listen):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as session:
-        yield session
+    assert "nothing is known of the camera's lens" in refused(cli.main, *without)
 
 
 @contextlib.contextmanager

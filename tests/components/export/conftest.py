@@ -1,7 +1,10 @@
-"""Pairs of views to train on."""
+"""Pairs of views to train on, and what commands tell."""
+
+import json
 
 import pytest
 
+from dfvs_export.cli import main
 from dfvs_rooms.pairs.files import write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
@@ -16,3 +19,38 @@ def folder(tmp_path_factory):
     sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
     write_arrays(out / "room.npz", sampler.arrays(4))
     return out
+
+
+@pytest.fixture
+def told(capsys):
+    """What a command tells as JSON, where its exit code is ``code``."""
+
+    def told(*words, code=0):
+        capsys.readouterr()
+        assert main([*map(str, words), "--json"]) == code
+        return json.loads(capsys.readouterr().out)
+
+    return told
+
+
+@pytest.fixture
+def refused_at_last(capsys):
+    """As ``refused``, where lines of progress may stand before the one of the error."""
+
+    def refused_at_last(*words):
+        capsys.readouterr()
+        assert main([str(word) for word in words]) == 2
+        *_, error = capsys.readouterr().err.splitlines()
+        assert error.startswith("error: ")
+        return error
+
+    return refused_at_last
+
+
+@pytest.fixture
+def _same_threads():
+    """Give torch its threads back after a training."""
+    torch = pytest.importorskip("torch")
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)

@@ -2,7 +2,7 @@
 seeded random ones, and what is tested is the path, the parity with torch and the contract."""
 
 import importlib.util
-import json
+import shlex
 import sys
 
 import numpy as np
@@ -101,20 +101,15 @@ def test_the_bundle_in_eight_bits_gives_nearly_the_same(own, converted, tmp_path
     np.testing.assert_allclose(few, full, rtol=0.1)
 
 
-def test_check_compares_with_torch(own, converted, capsys):
-    capsys.readouterr()
-    assert main(["check", str(converted), *own, "--count", "1", "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert 0.0 < report["greatest_difference"] <= PARITY_LIMIT
-    assert main(["check", str(converted), "--json"]) == 0
-    assert "not compared" in json.loads(capsys.readouterr().out)["torch"]
+def test_check_compares_with_torch(own, converted, told):
+    assert 0.0 < told("check", converted, *own, "--count", 1)["greatest_difference"] <= PARITY_LIMIT
+    assert "not compared" in told("check", converted)["torch"]
 
 
-def test_check_tells_a_bundle_of_other_weights(converted, tmp_path, capsys):
-    capsys.readouterr()
+def test_check_tells_a_bundle_of_other_weights(converted, tmp_path, told):
     other = checkpoint(tmp_path / "other.pt", bias=0.01)
-    assert main(["check", str(converted), *other, "--count", "1", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["greatest_difference"] > PARITY_LIMIT
+    report = told("check", converted, *other, "--count", 1, code=1)
+    assert report["greatest_difference"] > PARITY_LIMIT
 
 
 def test_bench_times_a_depth_bundle(converted, capsys):
@@ -179,47 +174,41 @@ def test_a_folder_of_transformers_is_read(tmp_path, kind, unit):
 
 @pytest.mark.parametrize(("name", "package"), [(MIDAS, "geffnet"), (ANYTHING, "transformers")])
 def test_a_package_that_is_missing_is_named_in_one_line(
-    name, package, tmp_path, monkeypatch, capsys
+    name, package, tmp_path, monkeypatch, refused
 ):
     monkeypatch.setitem(sys.modules, package, None)
-    assert main(["depth", "--model", name, "--out", str(tmp_path / "b")]) == 2
-    error = capsys.readouterr().err
-    assert error.count("error: ") == 1
+    error = refused(main, "depth", "--model", name, "--out", tmp_path / "b")
     assert package in error
     assert "dfvs-lab[published-depth]" in error
     assert not (tmp_path / "b").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "said"),
     [
-        (["--model", "dfvs-depth", "--checkpoint", "no.pt"], "no weights at no.pt"),
-        (["--model", "densedepth", "--size", "100x100"], "multiples of 32"),
-        (["--model", "densedepth", "--from", "."], "--from for densedepth"),
-        (["--model", "densedepth", "--checkpoint", "nowhere.pt"], "cannot be read"),
-        (["--model", "densedepth", "--size", "64x64", "--spread", "0"], "spread"),
-        (["--model", "depth-anything-v2-small", "--checkpoint", "x.pt"], "--from FOLDER"),
-        (["--model", "depth-anything-v2-small", "--from", "nowhere"], "cannot be read"),
-        (["--calibration", "x.npz"], "--precision int8"),
+        ("--model dfvs-depth --checkpoint no.pt", "no weights at no.pt"),
+        ("--model densedepth --size 100x100", "multiples of 32"),
+        ("--model densedepth --from .", "--from for densedepth"),
+        ("--model densedepth --checkpoint nowhere.pt", "cannot be read"),
+        ("--model densedepth --size 64x64 --spread 0", "spread"),
+        ("--model depth-anything-v2-small --checkpoint x.pt", "--from FOLDER"),
+        ("--model depth-anything-v2-small --from nowhere", "cannot be read"),
+        ("--calibration x.npz", "--precision int8"),
     ],
 )
-def test_what_cannot_be_converted_is_refused_in_one_line(words, message, tmp_path, capsys):
-    assert main(["depth", *words, "--out", str(tmp_path / "b")]) == 2
-    error = capsys.readouterr().err
-    assert message in error.splitlines()[-1]
+def test_what_cannot_be_converted_is_refused_in_one_line(words, said, tmp_path, refused_at_last):
+    assert said in refused_at_last("depth", *shlex.split(words), "--out", tmp_path / "b")
     assert not (tmp_path / "b").exists()
 
 
-def test_weights_without_a_hash_are_not_loaded(tmp_path, capsys):
+def test_weights_without_a_hash_are_not_loaded(tmp_path, refused):
     path = tmp_path / "weights.pt"
     torch.save({"encoder.stem.0.weight": torch.zeros(1)}, path)
-    words = ["depth", "--model", "densedepth", "--checkpoint", str(path), "--out"]
-    assert main([*words, str(tmp_path / "b")]) == 2
-    assert "add --sha256" in capsys.readouterr().err
-    assert main([*words, str(tmp_path / "b"), "--sha256", "0" * 64]) == 2
-    assert "has SHA-256" in capsys.readouterr().err
+    words = ["depth", "--model", "densedepth", "--checkpoint", path, "--out", tmp_path / "b"]
+    assert "add --sha256" in refused(main, *words)
+    assert "has SHA-256" in refused(main, *words, "--sha256", "0" * 64)
 
 
-def test_the_size_of_our_network_is_fixed(own, tmp_path, capsys):
-    assert main(["depth", *own, "--size", "640x480", "--out", str(tmp_path / "b")]) == 2
-    assert "320x240 for dfvs-depth" in capsys.readouterr().err
+def test_the_size_of_our_network_is_fixed(own, tmp_path, refused_at_last):
+    error = refused_at_last("depth", *own, "--size", "640x480", "--out", tmp_path / "b")
+    assert "320x240 for dfvs-depth" in error

@@ -1,7 +1,5 @@
 """Training of dfvs-depth on a handful of views of the built-in room."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ pytest.importorskip("torch")
 
 import torch
 
-from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.errors import ModelError
 from dfvs_export.networks.depth import DepthNet, Prediction
 from dfvs_export.training.depth import DepthTrainSettings, train_depth
 from dfvs_export.training.depth_loss import Truth, depth_loss
@@ -26,19 +24,6 @@ def checkpoint(tmp_path_factory):
     path = tmp_path_factory.mktemp("weights") / "drawn.pt"
     TrainedDepth(DepthNet().state_dict(), "drawn", "None.").save(path)
     return path
-
-
-def settings_of(pairs, out, start, *, minutes=1.0, frozen_blocks=3, threads=2):
-    return DepthTrainSettings(
-        pairs=pairs,
-        out=out,
-        start=start,
-        minutes=minutes,
-        learning_rate=1e-3,
-        frozen_blocks=frozen_blocks,
-        seed=0,
-        threads=threads,
-    )
 
 
 def plane(normal, distance_m):
@@ -66,14 +51,8 @@ def test_a_step_in_depth_has_no_normal():
     assert known[5:-5, 5:35].all()
 
 
-def test_views_are_drawn_by_the_seed_with_depth_that_goes_with_them(folder):
-    first, again, other = (DepthViewReader(RoomFolder(folder), seed).draw() for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.image, again.image)
-    np.testing.assert_array_equal(first.depth_m, again.depth_m)
-    assert not np.array_equal(first.image, other.image)
-    assert (first.image.shape, first.depth_m.shape) == ((240, 320), (120, 160))
-    assert 0.0 <= first.image.min() < first.image.max() <= 1.0
-    assert (first.depth_m > 0).mean() > 0.5
+def test_the_depth_of_most_of_a_view_is_known(folder):
+    assert (DepthViewReader(RoomFolder(folder), 1).draw().depth_m > 0).mean() > 0.5
 
 
 def test_a_view_that_is_zoomed_in_has_a_longer_focal_length(folder):
@@ -119,16 +98,22 @@ def test_inverse_depth_falls_with_the_focal_length(checkpoint):
     torch.testing.assert_close(sigma, same)
 
 
+@pytest.mark.usefixtures("_same_threads")
 def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
     folder, checkpoint, tmp_path
 ):
     out, said = tmp_path / "depth.pt", []
-    threads = torch.get_num_threads()
-    try:
-        settings = settings_of(folder, out, checkpoint, minutes=0.001, frozen_blocks=16, threads=1)
-        train_depth(settings, said.append)
-    finally:
-        torch.set_num_threads(threads)
+    settings = DepthTrainSettings(
+        pairs=folder,
+        out=out,
+        start=checkpoint,
+        minutes=0.001,
+        learning_rate=1e-3,
+        frozen_blocks=16,
+        seed=0,
+        threads=1,
+    )
+    train_depth(settings, said.append)
     before, after = (load_depth_weights(path) for path in (checkpoint, out))
     changed = {k for k, v in before.state.items() if not torch.equal(v, after.state[k])}
     assert any(name.startswith("head") for name in changed)
@@ -136,15 +121,6 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
     assert "8 views of rooms" in after.training
     assert len(said) == 1
     assert after.digest != before.digest
-
-
-@pytest.mark.parametrize(
-    ("change", "match"), [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")]
-)
-def test_settings_that_train_nothing_are_refused(tmp_path, change, match):
-    settings = settings_of(tmp_path, tmp_path / "d.pt", None)
-    with pytest.raises(ConfigError, match=match):
-        dataclasses.replace(settings, **change)
 
 
 def test_files_that_are_no_weights_are_refused(tmp_path):

@@ -5,14 +5,11 @@ from __future__ import annotations
 import importlib.util
 import io
 import itertools
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
-import published_conversion
 import pytest
+from canary import Canary
 
 torch = pytest.importorskip("torch")
 safetensors = pytest.importorskip("safetensors.torch")
@@ -22,23 +19,12 @@ from dfvs_core.messages.manifest import sha256  # noqa: E402
 from dfvs_export.bundles.folder import write_bundle  # noqa: E402
 from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
 from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
-from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs, parity  # noqa: E402
+from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
 from dfvs_export.precision.conversion import in_precision  # noqa: E402
 from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
 from dfvs_models.catalog import load_matcher  # noqa: E402
 
-SMALL = ("rapidflow_it3", "neuflow2", "sea_raft_s", "fastflownet", "raft_small", "pwcnet")
 HAS_PTLFLOW = importlib.util.find_spec("ptlflow") is not None
-
-
-class Canary:
-    """Leaves a trace when a pickle runs it."""
-
-    def __init__(self, trace: Path) -> None:
-        self.trace = trace
-
-    def __reduce__(self):
-        return (Path.touch, (self.trace,))
 
 
 def saved(value: object) -> bytes:
@@ -154,41 +140,6 @@ def test_a_network_of_two_images_is_converted_to_fewer_bits(
     rounded = in_precision(published.bundle(SIZE), precision, pairs)
     assert rounded.manifest.precision == precision
     assert 1e-5 < parity(published, BundleRunner(rounded), pairs).greatest < most_px
-
-
-@pytest.fixture(scope="module")
-def converted(tmp_path_factory) -> dict[str, dict[str, object]]:
-    """What became of the six networks that are not large."""
-    return conversions(SMALL, tmp_path_factory.mktemp("published"))
-
-
-def conversions(names: tuple[str, ...], folder: Path) -> dict[str, dict[str, object]]:
-    if not HAS_PTLFLOW:
-        pytest.skip("needs ptlflow: pip install 'dfvs-lab[published]'")
-    script = Path(published_conversion.__file__)
-    command = [sys.executable, "-W", "ignore", str(script), str(folder), *names]
-    done = subprocess.run(command, check=True, timeout=280, capture_output=True, text=True)
-    lines = [json.loads(x) for x in done.stdout.splitlines() if x.startswith("{")]
-    return {line["name"]: line for line in lines}
-
-
-def check_conversion(found: dict[str, object]) -> None:
-    assert found["greatest_px"] <= PARITY_LIMIT
-    assert found["shape"] == [128, 128, 2]
-    assert found["finite"]
-    assert found["greatest_flow_px"] > 1.0  # zeros would agree too
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SMALL)
-def test_a_published_network_agrees_with_torch_and_runs_in_the_service(name, converted) -> None:
-    check_conversion(converted[name])
-
-
-@pytest.mark.slow
-def test_flownet2_agrees_with_torch_and_runs_in_the_service(tmp_path: Path) -> None:
-    """Alone: its 162 million parameters take gigabytes while they are converted."""
-    check_conversion(conversions(("flownet2",), tmp_path)["flownet2"])
 
 
 def test_safetensors_are_read() -> None:

@@ -1,4 +1,7 @@
-"""Training of dfvs-flow on a handful of pairs of the built-in room."""
+"""Training of dfvs-flow on a handful of pairs of a room, and what all trainings share."""
+
+import shlex
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -7,9 +10,13 @@ pytest.importorskip("torch")
 
 import torch
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_export.cli import main
+from dfvs_export.networks.pose_regression import SIZE as POSE_SIZE
+from dfvs_export.training.depth_views import DepthViewReader
 from dfvs_export.training.flow import FlowTrainSettings, train
+from dfvs_export.training.planar_pairs import PlanarPoseReader
+from dfvs_export.training.pose_pairs import RoomPoseReader
 from dfvs_export.training.room_pairs import (
     SIZE,
     PairReader,
@@ -20,6 +27,8 @@ from dfvs_export.training.room_pairs import (
 )
 from dfvs_export.weights.flow import load_weights
 
+VIEW, POSE_VIEW = SIZE[::-1], POSE_SIZE[::-1]
+POSE_PAIR = attrgetter("first", "second", "flow", "T_first_second", "focal")
 STILL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
@@ -43,33 +52,40 @@ def test_true_matches_are_found_by_depth_and_pose():
     assert not truth.first_unmatchable[truth.first].any()
 
 
-def test_pairs_are_drawn_by_the_seed_and_augmented(folder):
-    first, again, other = (PairReader(RoomFolder(folder), seed).draw() for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.second.image, again.second.image)
-    assert not np.array_equal(first.first.image, other.first.image)
-    for view in (first.first, first.second):
-        assert view.image.shape == SIZE[::-1]
-        assert view.image.max() <= 255.0
+@pytest.mark.parametrize(
+    ("reader", "parts", "shapes", "values"),
+    [
+        (PairReader, attrgetter("first.image", "second.image"), (VIEW, VIEW), (-1.0, 255.0)),
+        (DepthViewReader, attrgetter("image", "depth_m"), ((240, 320), (120, 160)), (0.0, 1.0)),
+        (RoomPoseReader, POSE_PAIR, (POSE_VIEW, POSE_VIEW), (-1.0, 1.0)),
+        (PlanarPoseReader, POSE_PAIR, (POSE_VIEW, POSE_VIEW), (-1.0, 1.0)),
+    ],
+)
+def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes, values):
+    first, again, other = (parts(reader(RoomFolder(folder), seed).draw()) for seed in (1, 1, 2))
+    for drawn, repeated in zip(first, again, strict=True):
+        np.testing.assert_array_equal(drawn, repeated)
+    assert not np.array_equal(first[0], other[0])
+    assert (first[0].shape, first[1].shape) == shapes
+    for image in (part for part in first if np.shape(part) == shapes[0]):
+        assert values[0] <= image.min() < image.max() <= values[1]
 
 
+@pytest.mark.usefixtures("_same_threads")
 def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp_path):
     out, said = tmp_path / "matcher.pt", []
-    threads = torch.get_num_threads()
-    try:
-        settings = FlowTrainSettings(
-            pairs=folder,
-            out=out,
-            start=None,
-            minutes=0.001,
-            learning_rate=1e-3,
-            encoder_blocks=0,
-            keypoints=256,
-            seed=0,
-            threads=1,
-        )
-        train(settings, said.append)
-    finally:
-        torch.set_num_threads(threads)
+    settings = FlowTrainSettings(
+        pairs=folder,
+        out=out,
+        start=None,
+        minutes=0.001,
+        learning_rate=1e-3,
+        encoder_blocks=0,
+        keypoints=256,
+        seed=0,
+        threads=1,
+    )
+    train(settings, said.append)
     before, after = load_weights(None), load_weights(out)
     assert all(torch.equal(before.encoder[name], after.encoder[name]) for name in before.encoder)
     same = [torch.equal(value, after.matcher[name]) for name, value in before.matcher.items()]
@@ -79,17 +95,22 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp
 
 
 @pytest.mark.parametrize(
-    ("change", "match"),
+    ("words", "said"),
     [
-        ({"minutes": 0.0}, "minutes is 0.0"),
-        ({"out": "none/there.pt"}, "lies in no folder"),
-        ({"pairs": "empty"}, "no pairs in"),
+        ("train --pairs PAIRS --out x.pt --minutes 0", "minutes is 0.0"),
+        ("train --pairs PAIRS --out none/there.pt", "lies in no folder"),
+        ("train --pairs empty --out x.pt", "no pairs in"),
+        ("train-depth --from f.pt --pairs PAIRS --out x.pt --minutes 0", "minutes is 0.0"),
+        ("train-depth --from f.pt --pairs PAIRS --out x.pt --threads -1", "threads is -1"),
+        ("train-pose --network saxena --pairs . --out x.pt --minutes 0", "minutes is 0.0"),
+        ("train-pose --network bateux --pairs . --out x.pt", "--from CHECK"),
+        ("pose --checkpoint nowhere.pt --out b", "no weights at nowhere.pt"),
     ],
 )
-def test_what_cannot_be_trained_is_refused(folder, tmp_path, change, match):
-    given = {"pairs": folder, "out": tmp_path / "x.pt", "start": None, "minutes": 1.0}
-    given |= {k: tmp_path / v if isinstance(v, str) else v for k, v in change.items()}
-    given |= {"learning_rate": 1e-4, "encoder_blocks": 0, "keypoints": 256, "seed": 0, "threads": 1}
-    with pytest.raises(ConfigError, match=match):
-        train(FlowTrainSettings(**given), print)
+@pytest.mark.usefixtures("_same_threads")
+def test_what_cannot_be_done_is_refused_in_one_line(
+    folder, tmp_path, monkeypatch, refused, words, said
+):
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(main, *shlex.split(words.replace("PAIRS", str(folder))))
     assert not list(tmp_path.iterdir())

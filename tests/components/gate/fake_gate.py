@@ -1,7 +1,8 @@
 """Stands in for the gate: shows signs of life, and ends as it is told on the command line.
 
-``--code N`` ends with that code after half a second; ``--deaf`` ignores SIGTERM; ``--hang`` falls
-silent after half a second; ``--crash`` is killed then.
+``--code N`` ends with that code after half a second; ``--hang`` falls silent then, and ``--crash``
+is killed; ``--after NAME`` waits for that file of the runtime folder instead. ``--told N`` is the
+code of its end by SIGTERM, which ``--deaf`` ignores.
 """
 
 from __future__ import annotations
@@ -21,18 +22,22 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--runtime", type=Path, required=True)
     parser.add_argument("--code", type=int)
+    parser.add_argument("--told", type=int, default=1)
+    parser.add_argument("--after")
     parser.add_argument("--deaf", action="store_true")
     parser.add_argument("--hang", action="store_true")
     parser.add_argument("--crash", action="store_true")
     parser.add_argument("--state", default="PREFLIGHT")
     args = parser.parse_args()
-    signal.signal(signal.SIGTERM, signal.SIG_IGN if args.deaf else lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, signal.SIG_IGN if args.deaf else lambda *_: sys.exit(args.told))
     out = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     with (args.runtime / "starts").open("a") as file:
         file.write("started\n")
     start = time.monotonic()
     while True:
         late = time.monotonic() - start > 0.5
+        if args.after is not None:
+            late = (args.runtime / args.after).exists()
         if late and args.code is not None:
             print("error: told to end", file=sys.stderr, flush=True)
             sys.exit(args.code)

@@ -2,12 +2,12 @@
 
 import signal
 import threading
-import time
 
 import cv2
 import pytest
 from loopback import free_endpoint
 from test_check import CAMERA, SIZE, TOPICS, Watch, camera_running, views
+from waiting import until
 
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service import cli
@@ -58,10 +58,7 @@ class Service:
         return self.runtime.gate_log.read_text() if self.runtime.gate_log.exists() else ""
 
     def wait(self, condition, seconds=30.0):
-        deadline = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < deadline, (self.watch.beat, self.log()[-2000:])
-            time.sleep(0.05)
+        assert until(condition, seconds, 0.05), (self.watch.beat, self.log()[-2000:])
 
 
 def save(path, picture):

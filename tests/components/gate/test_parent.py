@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import os
 import signal
 import socket
@@ -11,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 from dfvs_core.messages.link import to_gate
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -22,6 +24,25 @@ pytestmark = pytest.mark.real_time
 FAKE_GATE = str(Path(__file__).parent / "fake_gate.py")
 IDLE = "import time; time.sleep(60)"
 BROKEN = "import sys; print('noise\\nerror: no such model', file=sys.stderr); sys.exit(2)"
+ENDING = """
+import pathlib, signal, sys, time
+stopped = []
+signal.signal(signal.SIGTERM, lambda *_: stopped.append(1))
+folder = pathlib.Path(sys.argv[sys.argv.index("--runtime") + 1])
+(folder / "NAME.up").touch()
+while not stopped:
+    time.sleep(0.01)
+(folder / "NAME.ended").write_text(str(time.monotonic_ns()))
+"""
+READING = """
+(folder / "seen").write_text((folder / "service.jsonl").read_text())
+print("warning: the disk is full", file=sys.stderr)
+"""
+
+
+def ending(name):
+    """A child that shows when it is up and when it has ended."""
+    return ENDING.replace("NAME", name)
 
 
 def drain(descriptor):
@@ -30,15 +51,25 @@ def drain(descriptor):
         pass
 
 
-def run(folder, gate, perception=IDLE, link=IDLE, stop_after_s=None):
-    """Exit code, what the user reads, and how long it took."""
+def run(folder, gate, perception=IDLE, link=IDLE, *, stop_after_s=None, stop_when=None, **more):
+    """Exit code, what the user reads, and how long it took; ``more`` are further children.
+
+    It is told to stop so long after its start, or once something is true of what the user read.
+    """
+    children = {"perception": perception, "link": link} | more
     programs = Programs(
         (sys.executable, FAKE_GATE, *gate),
-        (sys.executable, "-c", perception),
-        link=(sys.executable, "-c", link),
+        **{name: (sys.executable, "-c", text) for name, text in children.items()},
     )
     stream = io.StringIO()
     parent = Parent(RuntimeFolder(folder), programs, ChangeLines(stream))
+
+    def wait_and_stop():
+        until(lambda: stop_when(stream.getvalue()), 20.0)
+        parent.stop(signal.SIGTERM, None)
+
+    if stop_when is not None:
+        threading.Thread(target=wait_and_stop, daemon=True).start()
     if stop_after_s is not None:
         threading.Timer(stop_after_s, lambda: parent.stop(signal.SIGTERM, None)).start()
     start = time.monotonic()
@@ -143,16 +174,48 @@ def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(t
     assert "warning: perception ended with code 0" in lines
 
 
+def test_the_recorder_is_ended_after_perception_and_the_operator_link_after_both(tmp_path):
+    names = ("perception", "recorder", "link")
+    ups = [tmp_path / "starts", *(tmp_path / f"{name}.up" for name in names)]
+    children = {name: ending(name) for name in names}
+    run(tmp_path, [], stop_when=lambda _: all(up.exists() for up in ups), **children)
+    ended = [int((tmp_path / f"{name}.ended").read_text()) for name in names]
+    assert ended == sorted(ended)
+
+
+@pytest.mark.parametrize("end", ["sys.exit(3)", "os.kill(os.getpid(), 9)"])
+def test_a_flight_goes_on_without_its_recorder_and_says_so(tmp_path, end):
+    ups = [tmp_path / "perception.up", tmp_path / "starts"]
+    code, lines, _ = run(
+        tmp_path,
+        ["--state", "READY", "--told", "0"],
+        ending("perception"),
+        recorder=f"import os, sys; {end}",
+        stop_when=lambda text: "recorder" in text and all(up.exists() for up in ups),
+    )
+    assert sum("nothing more is recorded" in line for line in lines) == 1
+    assert not [line for line in lines if line.startswith("error")]
+    assert code == 0  # by the gate's own word
+
+
+def test_the_black_box_sees_all_that_the_user_was_told_and_the_exit_code(tmp_path):
+    gate = ["--state", "READY", "--crash", "--after", "box.up"]
+    code, lines, _ = run(tmp_path, gate, black_box=ending("box") + READING)
+    assert code == 1
+    seen = [json.loads(line) for line in (tmp_path / "seen").read_text().splitlines()]
+    told = [record["text"] for record in seen if record["kind"] == "told"]
+    assert "error: the gate was killed by SIGKILL; the autopilot's failsafe has the vehicle" in told
+    assert (seen[-1]["kind"], seen[-1]["code"]) == ("end", 1)
+    # Its own last line reaches the user all the same.
+    assert "warning: the disk is full" in lines
+
+
 def test_operators_are_told_of_the_end_of_the_black_box_and_of_its_warnings(tmp_path):
     ends = "import sys; print('warning: the disk is slow', file=sys.stderr); sys.exit(3)"
-    gate = (sys.executable, FAKE_GATE, "--code", "0")
-    idle = (sys.executable, "-c", IDLE)
-    programs = Programs(gate, idle, link=idle, black_box=(sys.executable, "-c", ends))
-    runtime = RuntimeFolder(tmp_path)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard_by_gate:
-        heard_by_gate.bind(str(runtime.gate_socket))
+        heard_by_gate.bind(str(RuntimeFolder(tmp_path).gate_socket))
         heard_by_gate.setblocking(False)
-        Parent(runtime, programs, ChangeLines(io.StringIO())).run()
+        run(tmp_path, ["--code", "0"], black_box=ends)
         heard = []
         with contextlib.suppress(BlockingIOError):
             while True:

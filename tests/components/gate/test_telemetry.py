@@ -1,10 +1,10 @@
 """The telemetry thread over real Zenoh: what nobody looks at is not made."""
 
 import threading
-import time
 
 import pytest
 from loopback import free_endpoint
+from waiting import until
 
 from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
@@ -18,13 +18,6 @@ TOPICS = Topics("watched")
 @pytest.fixture
 def zenoh_config():
     return load_config(None, {"zenoh.listen": [free_endpoint()]}).zenoh
-
-
-def eventually(condition, timeout_s=30.0):
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
@@ -44,7 +37,7 @@ def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
         assert not made
         with open_session(operators_zenoh(zenoh_config)) as viewer:
             subscriber = viewer.declare_subscriber(TOPICS.telemetry("flow"), lambda _: heard.set())
-            eventually(lambda: telemetry.offer("flow", make) or heard.is_set())
+            assert until(lambda: telemetry.offer("flow", make) or heard.is_set())
             subscriber.undeclare()
         telemetry.close()
     assert made
@@ -75,7 +68,7 @@ def test_the_black_box_gets_its_streams_and_what_is_told_once_also_when_it_comes
             is_there.set()
             for stream in ("config", "thumbnail"):
                 offer(stream, b"late")
-            eventually(lambda: offer("servo", b"late") or TOPICS.telemetry("servo") in heard)
+            assert until(lambda: offer("servo", b"late") or TOPICS.telemetry("servo") in heard)
             subscriber.undeclare()
         telemetry.close()
     late = {(stream, b"late") for stream in ("servo", "thumbnail")}

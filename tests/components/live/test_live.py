@@ -8,7 +8,6 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 import urllib.request
 
 import numpy as np
@@ -17,6 +16,7 @@ import websockets
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from loopback import listening_peer
 from recorded_flight import fly
+from waiting import until
 
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
@@ -56,28 +56,20 @@ class Running:
             self._process.communicate()
 
 
-def until(get, accept):
-    """Result of ``get`` once it is accepted."""
-    deadline = time.monotonic() + START_S
-    while not accept(result := get()):
-        assert time.monotonic() < deadline, result
-        time.sleep(0.05)
-    return result
-
-
 def test_metrics_are_scraped_over_http(service):
     session, endpoint = service
     with Running("dfvs_service.live.metrics_cli", endpoint) as metrics:
         assert metrics.url.startswith("http://127.0.0.1:")
 
-        def scrape():
+        def answered():
             servo = {"error_m": 0.25, "stages_ms": {"capture_to_report": 61.0}}
             session.put(TOPICS.telemetry("servo"), json.dumps(servo))
             session.put(TOPICS.telemetry("state"), json.dumps({"state": "SERVO"}))
             session.put(TOPICS.telemetry("timing"), b"not JSON")
             with urllib.request.urlopen(metrics.url) as response:
                 assert response.headers["Content-Type"].startswith("text/plain")
-                return response.read().decode()
+                text = response.read().decode()
+            return {one for one in asked if re.search(one, text)}
 
         asked = (
             r"capture_to_report",
@@ -86,7 +78,7 @@ def test_metrics_are_scraped_over_http(service):
             r'dfvs_telemetry_unreadable_total\{vehicle="bottled"\} [1-9]',
         )
         # The samples were put a moment ago, each on a key of its own.
-        until(scrape, lambda text: all(re.search(one, text) for one in asked))
+        assert until(lambda: not set(asked) - answered(), START_S), answered()
     assert metrics.code == 0
 
 
@@ -117,7 +109,7 @@ def test_foxglove_sees_the_flight_on_its_own_schemas(service):
     feed = RecordPublisher(session, TOPICS, print)
     with Running("dfvs_service.live.foxglove_cli", endpoint) as server:
         assert server.url.startswith("ws://127.0.0.1:")
-        until(lambda: feed.wanted, bool)
+        assert until(lambda: feed.wanted, START_S)
         feed.offer(*flight.events[0])
 
         async def show():

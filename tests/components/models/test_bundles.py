@@ -18,6 +18,9 @@ from dfvs_models.catalog import bundle_folder, load_matcher, model_files
 from dfvs_models.onnx_file import check_onnx
 
 SHAPE = (1, 3, HEIGHT, WIDTH)
+ENCODED = ["points", "descriptors", "scores"]
+PAIR = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
+DEPTH = {"quantity": "depth", "unit": "relative", "spread": 0.2}
 
 
 @pytest.fixture
@@ -51,17 +54,7 @@ def one_node(kind="Add", domain="", inputs=(SHAPE, SHAPE), output=(1, 2, HEIGHT,
     return helper.make_model(graph, opset_imports=opsets, ir_version=8)
 
 
-def replace_network(folder, data):
-    """Put another network into a bundle, whose manifest then matches it byte for byte."""
-    old = (folder / "pair.onnx").read_bytes()
-    (folder / "pair.onnx").write_bytes(data)
-    manifest = folder / "manifest.json"
-    manifest.write_text(manifest.read_text().replace(sha256(old), sha256(data)))
-    return folder
-
-
-def rewrite(folder, model):
-    return replace_network(folder, model.SerializeToString())
+STEAL = one_node("Steal", domain="evil.example")
 
 
 def test_classical_is_built_in():
@@ -86,11 +79,6 @@ def test_the_packaged_bundle_goes_by_its_name():
     assert set(model_files("dfvs-flow")) >= {"manifest.json", "encode.onnx", "match.onnx"}
 
 
-def edited(bundle, old, new):
-    manifest = bundle / "manifest.json"
-    manifest.write_text(manifest.read_text().replace(old, new))
-
-
 def flip_a_bit(bundle):
     data = bytearray((bundle / "pair.onnx").read_bytes())
     data[len(data) // 2] ^= 1
@@ -102,104 +90,222 @@ def lead_out(bundle):
     (bundle / "pair.onnx").symlink_to(outside)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (
-            lambda b: edited(b, "dfvs-bundle/2", "dfvs-bundle/1"),
-            "format 'dfvs-bundle/1'; expected 'dfvs-bundle/2'",
-        ),
-        (lambda b: edited(b, '"pair.onnx"', '"../pair.onnx"'), "a plain name without folders"),
-        (lambda b: edited(b, '"other"', '"second"'), "has the inputs ['current', 'other']"),
-        (lambda b: edited(b, '["flow"]', '["motion"]'), "one named 'motion'"),
-        (lambda b: (b / "manifest.json").unlink(), "lacks the file 'manifest.json'"),
-        (lambda b: (b / "manifest.json").write_bytes(b"\0\1 no"), "the manifest is not JSON"),
-        (lambda b: (b / "manifest.json").write_bytes(b" " * (1024 * 1024 + 1)), "too large"),
-        (lambda b: (b / "pair.onnx").unlink(), "lacks the file 'pair.onnx'"),
-        (flip_a_bit, "SHA-256"),
-        (lead_out, "leads out of the bundle"),
-    ],
-)
-def test_a_bundle_that_was_spoilt_is_refused(bundle, spoil, said):
-    spoil(bundle)
-    assert said in refusal(bundle)
+def spoilt(spoil):
+    """A bundle that was spoilt after it was written."""
+
+    def make(folder):
+        spoil(write_bundle(folder))
+        return folder
+
+    return make
 
 
-def test_an_unknown_name_is_answered_with_what_there_is(tmp_path):
-    text = refusal(tmp_path / "clasical")
-    assert "there is no model" in text
-    assert "'classical' or the folder of a bundle" in text
+def edited(old, new):
+    def edit(bundle):
+        manifest = bundle / "manifest.json"
+        manifest.write_text(manifest.read_text().replace(old, new))
+
+    return spoilt(edit)
 
 
-def test_a_file_is_no_bundle(bundle):
-    assert "is not a folder" in refusal(bundle / "manifest.json")
+def holding(data):
+    """A bundle with another network, which its manifest matches byte for byte."""
+
+    def replace_network(bundle):
+        old = (bundle / "pair.onnx").read_bytes()
+        (bundle / "pair.onnx").write_bytes(data)
+        manifest = bundle / "manifest.json"
+        manifest.write_text(manifest.read_text().replace(sha256(old), sha256(data)))
+
+    return spoilt(replace_network)
 
 
-def test_a_network_of_another_size_than_declared_is_refused(tmp_path):
-    other = dump(ImageInput(WIDTH // 2, HEIGHT // 2))
-    text = refusal(write_bundle(tmp_path / "b", input=other))
-    assert "(1, 3, 120, 160)" in text
-    assert "(1, 3, 60, 80)" in text
+def of_model(model):
+    return holding(model.SerializeToString())
 
 
-def test_an_output_of_another_shape_than_declared_is_refused(tmp_path):
-    text = refusal(write_bundle(tmp_path / "b", flow={"stride": 4}))
-    assert "(1, 2, 120, 160); expected float32 of (1, 2, 30, 40)" in text
-
-
-def test_dynamic_shapes_are_refused(bundle):
-    dynamic = one_node(inputs=(("N", 3, HEIGHT, WIDTH), SHAPE), output=SHAPE)
-    assert "fixed sizes" in refusal(rewrite(bundle, dynamic))
-
-
-def test_other_element_types_are_refused(bundle):
-    doubles = one_node(output=SHAPE, element=TensorProto.DOUBLE)
-    assert "tensor(double)" in refusal(rewrite(bundle, doubles))
-
-
-@pytest.mark.parametrize(("value", "words"), [(np.nan, "not numbers"), (np.inf, "not finite")])
-def test_weights_that_are_not_finite_are_noticed_at_the_start(bundle, value, words):
+def filled(value):
+    """The network with one value for every weight of its filters."""
     model = network()
     for tensor in model.graph.initializer:
         values = numpy_helper.to_array(tensor)
         if values.dtype == np.float32 and values.ndim == 4:
             tensor.CopyFrom(numpy_helper.from_array(np.full_like(values, value), tensor.name))
-    assert words in refusal(rewrite(bundle, model))
+    return model
 
 
-@pytest.mark.parametrize("element", [np.float16, np.float32, np.float64])
-@pytest.mark.parametrize("raw", [True, False])
-def test_weights_that_are_not_numbers_are_found_in_every_notation(element, raw):
+def weights_elsewhere():
+    model = network()
+    tensor = model.graph.initializer[0]
+    onnx.external_data_helper.set_external_data(tensor, location="../../etc/passwd")
+    tensor.ClearField("raw_data")
+    return model
+
+
+def written(**changes):
+    return lambda folder: write_bundle(folder, **changes)
+
+
+def grid(**changes):
+    return lambda folder: grid_network.write_bundle(folder, **changes)
+
+
+def with_graph(role, **changes):
+    """The grid network, one of the graphs of its manifest changed."""
+    inputs = [f"{side}_{name}" for side in ("first", "second") for name in ENCODED]
+    graphs = {
+        "encode": {"file": "encode.onnx", "inputs": ["image"], "outputs": ENCODED},
+        "match": {"file": "match.onnx", "inputs": inputs, "outputs": ["partners", "confidence"]},
+    }
+    return grid(graphs=graphs | {role: graphs[role] | changes})
+
+
+REFUSED = [
+    (lambda folder: folder, ("there is no model", "'classical' or the folder of a bundle")),
+    (lambda folder: write_bundle(folder) / "manifest.json", ("is not a folder",)),
+    # files that were changed
+    (edited('"other"', '"second"'), ("has the inputs ['current', 'other']",)),
+    (edited('["flow"]', '["motion"]'), ("one named 'motion'",)),
+    (spoilt(lambda b: (b / "manifest.json").unlink()), ("lacks the file 'manifest.json'",)),
+    (spoilt(lambda b: (b / "manifest.json").write_bytes(b" " * (1024**2 + 1))), ("too large",)),
+    (spoilt(lambda b: (b / "pair.onnx").unlink()), ("lacks the file 'pair.onnx'",)),
+    (spoilt(flip_a_bit), ("SHA-256",)),
+    (spoilt(lead_out), ("leads out of the bundle",)),
+    # a manifest that does not fit its network
+    (
+        written(input=dump(ImageInput(WIDTH // 2, HEIGHT // 2))),
+        ("(1, 3, 120, 160)", "(1, 3, 60, 80)"),
+    ),
+    (written(flow={"stride": 4}), ("(1, 2, 120, 160); expected float32 of (1, 2, 30, 40)",)),
+    (
+        written(kind="mono", graphs={"mono": PAIR}, flow=None, depth=DEPTH),
+        ("kind 'mono', which gives depth",),
+    ),
+    (
+        written(kind="encode-match", graphs={"encode": PAIR, "match": PAIR}, flow=None),
+        ("has the inputs",),
+    ),
+    # networks that cannot be run, or not trusted
+    (
+        of_model(one_node(inputs=(("N", 3, HEIGHT, WIDTH), SHAPE), output=SHAPE)),
+        ("fixed sizes",),
+    ),
+    (of_model(one_node(output=SHAPE, element=TensorProto.DOUBLE)), ("tensor(double)",)),
+    (of_model(filled(np.nan)), ("not numbers",)),
+    (of_model(filled(np.inf)), ("not finite",)),
+    (of_model(STEAL), ("'Steal' of the domain 'evil.example'",)),
+    (of_model(weights_elsewhere()), ("keeps weights in another file",)),
+    (holding(b""), ("pair.onnx",)),
+    (holding(b"\xff" * 40), ("pair.onnx",)),
+    (holding(b"garbage that is no protocol buffer"), ("pair.onnx",)),
+    # two graphs whose tensors are not as announced
+    (with_graph("encode", inputs=["picture"]), ("'encode.onnx' has the inputs ['image']",)),
+    (with_graph("encode", outputs=ENCODED[:2]), ("expected 3 of them",)),
+    (
+        with_graph("encode", outputs=["points", "colours", "scores"]),
+        ("lacks the outputs ['colours']",),
+    ),
+    (
+        with_graph("match", inputs=["first_points"]),
+        ("'match.onnx' has the inputs ['first_points', ",),
+    ),
+    (with_graph("match", outputs=["partners"]), ("expected 2 of them",)),
+    (
+        with_graph("match", outputs=["partners", "certainty"]),
+        ("lacks the outputs ['certainty']",),
+    ),
+    (
+        grid(input=dump(ImageInput(grid_network.WIDTH // 2, grid_network.HEIGHT, channels="grey"))),
+        ("takes [('tensor(float)', (1, 1, 64, 96))]", "expected tensor(float) of (1, 1, 64, 48)"),
+    ),
+    (
+        grid(match=grid_network.match_model(sizes=(1, grid_network.COUNT))),
+        (
+            "graph 'match' takes [(1, 24, 2)",
+            "of any number of images and keypoints (0): [(0, 0, 2)",
+        ),
+    ),
+    (
+        grid(match=grid_network.match_model(channels=grid_network.CHANNELS + 1)),
+        (
+            "graph 'match' takes [(0, 0, 2), (0, 0, 3)",
+            "of any number of images and keypoints (0): [(0, 0, 2), (0, 0, 2)",
+        ),
+    ),
+    # output that is found wrong when the network runs for the first time
+    (
+        grid(match=grid_network.match_model(width=4)),
+        ("graph 'match' gives (2, 24, 4)", "expected (2, 24, 2)"),
+    ),
+    (grid(encode=grid_network.encode_model(offset=np.nan)), ("not numbers",)),
+    (grid(encode=grid_network.encode_model(offset=np.inf)), ("not finite",)),
+]
+
+
+@pytest.mark.parametrize(("make", "said"), REFUSED, ids=[said[0] for _, said in REFUSED])
+def test_a_bundle_that_is_damaged_or_hostile_or_does_not_fit_is_refused(tmp_path, make, said):
+    text = refusal(make(tmp_path / "bundle"))
+    assert [words for words in said if words not in text] == []
+
+
+@pytest.mark.parametrize("provider", ["Azure", "CUDA", "Tensorrt"])
+@pytest.mark.parametrize("model", ["dfvs-flow", "classical"])  # which needs none
+def test_a_provider_that_is_not_there_is_refused_by_name(model, provider):
+    text = refusal(model, provider=f"{provider}ExecutionProvider")
+    assert f"no provider '{provider}ExecutionProvider'" in text
+    assert "CPUExecutionProvider" in text
+
+
+def model_of(*nodes, weights=()):
+    graph = helper.make_graph(list(nodes), "g", [], [], list(weights))
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+
+
+def constant(**value):
+    return model_of(helper.make_node("Constant", [], ["w"], **value))
+
+
+def in_numbers(element):
+    """Weights, one of them not a number, in the notation that takes one number a field."""
     values = np.array([1.0, np.nan, 2.0], element)
-    tensor = numpy_helper.from_array(values, "w")
-    if not raw:
-        kind = helper.np_dtype_to_tensor_dtype(values.dtype)
-        tensor = helper.make_tensor("w", kind, values.shape, values)
-    model = helper.make_model(helper.make_graph([], "g", [], [], [tensor]))
-    with pytest.raises(ModelError, match="not numbers"):
+    kind = helper.np_dtype_to_tensor_dtype(values.dtype)
+    return model_of(weights=[helper.make_tensor("w", kind, values.shape, values)])
+
+
+def in_bytes(element):
+    return model_of(weights=[numpy_helper.from_array(np.array([1.0, np.nan, 2.0], element), "w")])
+
+
+def elsewhere():
+    tensor = numpy_helper.from_array(np.zeros(4, np.float32), "w")
+    onnx.external_data_helper.set_external_data(tensor, location="weights.bin")
+    return tensor
+
+
+BRANCH = helper.make_node("If", ["c"], ["flow"], then_branch=STEAL.graph, else_branch=STEAL.graph)
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        *((in_bytes(e), "not numbers") for e in (np.float16, np.float32, np.float64)),
+        *((in_numbers(e), "not numbers") for e in (np.float16, np.float32, np.float64)),
+        (constant(value_float=float("nan")), "not numbers"),
+        (constant(value_float=float("-inf")), None),
+        (constant(value=elsewhere()), "another file"),
+        (model_of(BRANCH), "Steal"),
+    ],
+)
+def test_what_a_file_may_not_hold_is_found_wherever_it_stands(model, words):
+    with contextlib.nullcontext() if words is None else pytest.raises(ModelError, match=words):
         check_onnx(model.SerializeToString(), "net.onnx")
-
-
-def test_a_constant_that_is_not_a_number_is_found():
-    node = helper.make_node("Constant", [], ["w"], value_float=float("nan"))
-    model = helper.make_model(helper.make_graph([node], "g", [], []))
-    with pytest.raises(ModelError, match="not numbers"):
-        check_onnx(model.SerializeToString(), "net.onnx")
-
-
-def test_infinite_constants_are_numbers():
-    node = helper.make_node("Constant", [], ["w"], value_float=float("-inf"))
-    check_onnx(
-        helper.make_model(helper.make_graph([node], "g", [], [])).SerializeToString(), "net.onnx"
-    )
 
 
 def test_a_field_whose_number_other_readers_cut_down_hides_nothing():
-    graph = one_node("Steal", domain="evil.example").graph.SerializeToString()
+    graph = STEAL.graph.SerializeToString()
     key, shifts = (7 << 3 | 2) + (1 << 32), range(0, 35, 7)
     tag = bytes((key >> shift & 0x7F) | (0x80 if shift < 28 else 0) for shift in shifts)
-    plain = helper.make_model(helper.make_graph([], "g", [], [])).SerializeToString()
-    hidden = plain + tag + _varint(len(graph)) + graph
+    hidden = model_of().SerializeToString() + tag + _varint(len(graph)) + graph
     with pytest.raises(ModelError, match="field number"):
         check_onnx(hidden, "net.onnx")
 
@@ -212,141 +318,11 @@ def _varint(value):
     return bytes([*digits, value])
 
 
-def test_custom_operators_are_refused(bundle):
-    custom = one_node("Steal", domain="evil.example")
-    text = refusal(rewrite(bundle, custom))
-    assert "'Steal' of the domain 'evil.example'" in text
-
-
-def test_custom_operators_in_a_branch_are_found():
-    inner = one_node("Steal", domain="evil.example").graph
-    branch = helper.make_node("If", ["c"], ["flow"], then_branch=inner, else_branch=inner)
-    outer = helper.make_graph([branch], "outer", [], [])
-    model = helper.make_model(outer, opset_imports=[helper.make_opsetid("", 17)])
-    with pytest.raises(ModelError, match="Steal"):
-        check_onnx(model.SerializeToString(), "net.onnx")
-
-
-def test_weights_outside_the_file_are_refused(bundle):
-    model = network()
-    tensor = model.graph.initializer[0]
-    onnx.external_data_helper.set_external_data(tensor, location="../../etc/passwd")
-    tensor.ClearField("raw_data")
-    assert "keeps weights in another file" in refusal(rewrite(bundle, model))
-
-
-def test_external_weights_in_an_attribute_are_found():
-    tensor = numpy_helper.from_array(np.zeros(4, np.float32), "w")
-    onnx.external_data_helper.set_external_data(tensor, location="weights.bin")
-    node = helper.make_node("Constant", [], ["w"], value=tensor)
-    model = helper.make_model(helper.make_graph([node], "g", [], []))
-    with pytest.raises(ModelError, match="another file"):
-        check_onnx(model.SerializeToString(), "net.onnx")
-
-
-@pytest.mark.parametrize("data", [b"", b"\xff" * 40, b"garbage that is no protocol buffer"])
-def test_files_that_are_no_networks_are_refused(bundle, data):
-    assert "pair.onnx" in refusal(replace_network(bundle, data))
-
-
 def test_a_network_cut_short_anywhere_never_crashes_the_check():
     data = network().SerializeToString()
     for length in range(1, len(data), max(1, len(data) // 200)):
         with contextlib.suppress(ModelError):
             check_onnx(data[:length], "net.onnx")
-
-
-def test_a_provider_that_is_not_there_is_refused_by_name(bundle):
-    assert "no provider 'Azure" in refusal(bundle, provider="AzureExecutionProvider")
-    text = refusal(bundle, provider="CUDAExecutionProvider")
-    assert "no provider 'CUDAExecutionProvider'" in text
-    assert "CPUExecutionProvider" in text
-
-
-def test_a_provider_that_is_not_there_is_refused_where_none_is_needed():
-    assert "no provider 'TensorrtExecutionProvider'" in refusal(
-        "classical", provider="TensorrtExecutionProvider"
-    )
-
-
-def test_a_network_that_gives_depth_is_no_matcher(tmp_path):
-    graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
-    depth = {"quantity": "depth", "unit": "relative", "spread": 0.2}
-    changes = {"kind": "mono", "graphs": {"mono": graph}, "flow": None, "depth": depth}
-    text = refusal(write_bundle(tmp_path / "b", **changes))
-    assert "kind 'mono', which gives depth" in text
-
-
-def test_graphs_that_are_not_what_an_encode_match_manifest_says_are_refused(tmp_path):
-    graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
-    graphs = dict.fromkeys(("encode", "match"), graph)
-    text = refusal(write_bundle(tmp_path / "b", kind="encode-match", graphs=graphs, flow=None))
-    assert "has the inputs" in text
-
-
-def with_graph(role, **changes):
-    """Graphs of the grid network's manifest, one of them changed."""
-    inputs = [f"{side}_{name}" for side in ("first", "second") for name in grid_network.ENCODED]
-    graphs = {
-        "encode": {
-            "file": "encode.onnx",
-            "inputs": ["image"],
-            "outputs": list(grid_network.ENCODED),
-        },
-        "match": {"file": "match.onnx", "inputs": inputs, "outputs": list(grid_network.MATCHED)},
-    }
-    graphs[role] |= changes
-    return graphs
-
-
-@pytest.mark.parametrize(
-    ("role", "changes", "words"),
-    [
-        ("encode", {"inputs": ["picture"]}, "'encode.onnx' has the inputs ['image']"),
-        ("encode", {"outputs": ["points", "descriptors"]}, "expected 3 of them"),
-        ("encode", {"outputs": ["points", "colours", "scores"]}, "lacks the outputs ['colours']"),
-        ("match", {"inputs": ["first_points"]}, "'match.onnx' has the inputs ['first_points', "),
-        ("match", {"outputs": ["partners"]}, "expected 2 of them"),
-        ("match", {"outputs": ["partners", "certainty"]}, "lacks the outputs ['certainty']"),
-    ],
-)
-def test_tensors_of_two_graphs_that_are_not_as_announced_are_refused(
-    tmp_path, role, changes, words
-):
-    assert words in refusal(grid_network.write_bundle(tmp_path, graphs=with_graph(role, **changes)))
-
-
-def test_an_encoder_for_images_of_another_size_than_declared_is_refused(tmp_path):
-    size = dump(ImageInput(grid_network.WIDTH // 2, grid_network.HEIGHT, channels="grey"))
-    text = refusal(grid_network.write_bundle(tmp_path, input=size))
-    assert "takes [('tensor(float)', (1, 1, 64, 96))]" in text
-    assert "expected tensor(float) of (1, 1, 64, 48)" in text
-
-
-def test_a_matcher_of_a_fixed_number_of_images_and_keypoints_is_refused(tmp_path):
-    match = grid_network.match_model(sizes=(1, grid_network.COUNT))
-    text = refusal(grid_network.write_bundle(tmp_path, match=match))
-    assert "graph 'match' takes [(1, 24, 2)" in text
-    assert "of any number of images and keypoints (0): [(0, 0, 2)" in text
-
-
-def test_a_matcher_of_other_descriptors_than_its_encoders_is_refused(tmp_path):
-    match = grid_network.match_model(channels=grid_network.CHANNELS + 1)
-    text = refusal(grid_network.write_bundle(tmp_path, match=match))
-    assert "graph 'match' takes [(0, 0, 2), (0, 0, 3)" in text
-    assert "of any number of images and keypoints (0): [(0, 0, 2), (0, 0, 2)" in text
-
-
-def test_partners_that_are_no_points_are_refused(tmp_path):
-    text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(width=4)))
-    assert "graph 'match' gives (2, 24, 4)" in text
-    assert "expected (2, 24, 2)" in text
-
-
-@pytest.mark.parametrize(("offset", "words"), [(np.nan, "not numbers"), (np.inf, "not finite")])
-def test_keypoints_that_are_not_finite_are_noticed_at_the_start(tmp_path, offset, words):
-    encode = grid_network.encode_model(offset=offset)
-    assert words in refusal(grid_network.write_bundle(tmp_path, encode=encode))
 
 
 def test_the_bytes_that_were_verified_are_the_bytes_that_are_kept(bundle):

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from depth_bundle import bundle, write_bundle
+from depth_bundle import bundle
+from onnx_network import write_bundle
 
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.geometry.camera import CameraModel

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from depth_bundle import write_bundle
+from onnx_network import write_bundle
 from pose_bundle import bundle
 
 from dfvs_core.errors import ModelError

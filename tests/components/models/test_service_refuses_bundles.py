@@ -6,6 +6,7 @@ Everything that is wrong with a bundle by itself is tried where bundles are read
 import cv2
 import depth_bundle
 import numpy as np
+import onnx_network
 import pytest
 from lucas_kanade_network import write_bundle
 
@@ -26,7 +27,7 @@ def depth_settings(model, choice="fused"):
 
 def affine_depth(folder):
     made = depth_bundle.bundle(np.full((24, 32), 0.4), unit="affine")
-    return depth_settings(depth_bundle.write_bundle(folder, made), "network")
+    return depth_settings(onnx_network.write_bundle(folder, made), "network")
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
+from loopback import peer
 from textured_wall import Wall, texture
 
 from dfvs_core.geometry.camera import CameraModel
@@ -39,7 +40,6 @@ from dfvs_core.messages.link import (
     to_datagram,
 )
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.settings.config import load_config
@@ -72,10 +72,7 @@ class Rig:
         self.gate.settimeout(STARTUP_S)
         self.address = str(folder / "perception.sock")
         command = [sys.executable, "-m", "dfvs_service.perception", "--runtime", str(folder)]
-        settings = zenoh.Config()
-        for key, value in zenoh_settings("peer", (), (f"unixsock-stream/{folder / 'zenoh.sock'}",)):
-            settings.insert_json5(key, value)
-        self.session = zenoh.open(settings)
+        self.session = peer(listen=(f"unixsock-stream/{folder / 'zenoh.sock'}",))
         self.process = subprocess.Popen([*launcher, *command], stderr=subprocess.PIPE)
         self.seq = 0
 

@@ -7,11 +7,11 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+from waiting import until
 
 START_S, END_S = 60.0, 15.0
 _POLL_S = 0.05
@@ -26,14 +26,6 @@ command = subprocess.Popen(sys.argv[1:], stdout=sys.stderr, env=environment)
 print(command.pid, flush=True)
 sys.exit(command.wait())
 """
-
-
-def until(condition, timeout_s):
-    """Whether a condition came true in time."""
-    deadline = time.monotonic() + timeout_s
-    while not (result := condition()) and time.monotonic() < deadline:
-        time.sleep(_POLL_S)
-    return result
 
 
 @dataclass(frozen=True)
@@ -95,7 +87,7 @@ class Started:
 
     def await_work(self):
         """Wait until the command works, and note what it has."""
-        assert until(self._is_at_work, START_S), self.output
+        assert until(self._is_at_work, START_S, _POLL_S), self.output
         for process in self.processes():
             with contextlib.suppress(psutil.Error):
                 bound = [c for c in process.net_connections("inet") if not c.raddr]
@@ -107,7 +99,8 @@ class Started:
             self._launcher.kill()
         else:
             os.kill(self.pid, getattr(signal, how))
-        assert until(lambda: not self.processes(), END_S), [_words(p) for p in self.processes()]
+        has_ended = until(lambda: not self.processes(), END_S, _POLL_S)
+        assert has_ended, [_words(p) for p in self.processes()]
         return self._launcher.wait(END_S)
 
     def left_ports(self):

@@ -11,6 +11,7 @@ import pytest
 from loopback import free_endpoint, listening_peer
 from mcap.reader import make_reader
 from recorded_flight import fly
+from waiting import until
 
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import SessionHeader, unpack
@@ -53,13 +54,6 @@ def feed_all(feed, events):
         feed.offer(message, payload)
 
 
-def wait_until(condition):
-    deadline = time.monotonic() + START_S
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come to pass"
-        time.sleep(0.02)
-
-
 def size(folder):
     return sum(path.stat().st_size for path in folder.glob("*.mcap"))
 
@@ -72,7 +66,7 @@ def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_late
     feed_all(feed, flight.events)
     recorder = start_recorder(endpoint, tmp_path)
     try:
-        wait_until(lambda: size(tmp_path) > 1_000_000)
+        assert until(lambda: size(tmp_path) > 1_000_000, START_S)
         time.sleep(0.3)
         recorder.send_signal(signal.SIGINT)
         out, errors = recorder.communicate(timeout=START_S)
@@ -96,7 +90,7 @@ def test_killed_without_warning_it_leaves_all_but_the_last_chunk(service, flight
     feed_all(feed, flight.events)
     recorder = start_recorder(endpoint, tmp_path)
     try:
-        wait_until(lambda: size(tmp_path) > 700_000)
+        assert until(lambda: size(tmp_path) > 700_000, START_S)
     finally:
         os.kill(recorder.pid, signal.SIGKILL)
         recorder.communicate()
@@ -114,9 +108,9 @@ def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, fligh
     feed_all(feed, flight.events[:5])  # nobody listens yet
     recorder = start_recorder(endpoint, tmp_path)
     try:
-        wait_until(lambda: feed.wanted)
+        assert until(lambda: feed.wanted, START_S)
         feed_all(feed, flight.events[5:])
-        wait_until(lambda: size(tmp_path) > 500_000)
+        assert until(lambda: size(tmp_path) > 500_000, START_S)
         time.sleep(0.3)
         recorder.send_signal(signal.SIGTERM)
         recorder.communicate(timeout=START_S)
@@ -139,10 +133,10 @@ def test_a_header_that_was_missed_is_repeated_with_a_later_record(service, fligh
         session.declare_subscriber(TOPICS.telemetry(name), heard.append)
         for name, heard in (("opening", headers), ("turn", records))
     ]
-    wait_until(lambda: feed.wanted)
+    assert until(lambda: feed.wanted, START_S)
     headers.clear()
     feed.offer(*flight.events[1])
-    wait_until(lambda: bool(records))
+    assert until(lambda: bool(records), START_S)
     feed.close()
     for subscriber in subscribers:
         subscriber.undeclare()
@@ -173,7 +167,7 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
     feed.offer(*flight.events[0])
     recorder = start_recorder(endpoint, tmp_path)
     try:
-        wait_until(lambda: feed.wanted)
+        assert until(lambda: feed.wanted, START_S)
         os.kill(recorder.pid, signal.SIGSTOP)
         turn, payload = flight.turns[0], bytes(1024 * 1024)
         longest, last = 0.0, time.monotonic()
@@ -183,7 +177,7 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
             longest, last = max(longest, now - last), now
             time.sleep(0.01)
         telemetry.put(b"still told")
-        wait_until(lambda: bool(heard))
+        assert until(lambda: bool(heard), START_S)
     finally:
         recorder.kill()
         recorder.communicate()

@@ -8,6 +8,7 @@ import sys
 
 import depth_bundle
 import numpy as np
+import onnx_network
 import pytest
 from mcap.records import Message
 from mcap.writer import Writer
@@ -102,7 +103,7 @@ def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(previewed, tmp_
 def wall_depth(tmp_path):
     """Folder of a network that sees a wall a little further on the right."""
     rho = np.tile(np.linspace(0.45, 0.35, 80), (60, 1))
-    return depth_bundle.write_bundle(tmp_path / "depth", depth_bundle.bundle(rho, by_image=0.05))
+    return onnx_network.write_bundle(tmp_path / "depth", depth_bundle.bundle(rho, by_image=0.05))
 
 
 @pytest.mark.parametrize("depth", ["network", "fused"])
@@ -122,7 +123,7 @@ def test_another_depth_network_is_named_as_the_reason_to_differ(wall_depth, tmp_
     settings = {"servo__depth": "fused", "depth__model": str(wall_depth)}
     flight = fly(np.random.default_rng(12), 6, **settings)
     other = depth_bundle.bundle(np.full((60, 80), 0.2))
-    depth_bundle.write_bundle(wall_depth, other)
+    onnx_network.write_bundle(wall_depth, other)
     result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ("the model's files are others",)
     assert not compare(result.frames).is_identical

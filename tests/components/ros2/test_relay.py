@@ -6,26 +6,17 @@ import time
 
 import numpy as np
 import pytest
-import zenoh
-from loopback import free_endpoint
+from loopback import free_endpoint, peer
 
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.ros2 import decode_attachment
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.ros2.messages import decode, type_hash
 from dfvs_service.ros2.relay import Relay
 
 TOPICS = Topics("swift-2")
 STATE = {"state": "SERVO", "cause": "", "setpoint": [0.1, 0.2, 0.3, 0.4]}
 TWIST = "geometry_msgs/msg/TwistStamped"
-
-
-def peer(connect=(), listen=()):
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", connect, listen):
-        settings.insert_json5(key, value)
-    return zenoh.open(settings)
 
 
 class Rig:

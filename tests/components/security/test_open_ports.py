@@ -4,7 +4,6 @@ import json
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import psutil
 import pytest
 from gate_flight import hovering_vehicle
 from loopback import free_tcp_port
+from waiting import until
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal, GoalSidecar
@@ -56,16 +56,15 @@ def service(tmp_path, rng):
 
 def await_service(runtime, zenoh_port):
     """Wait until the operator link listens and the gate has heard its vehicle and its reports."""
-    deadline = time.monotonic() + 40.0
-    while time.monotonic() < deadline:
+
+    def is_up():
         with socket.socket() as probe:
             listens = probe.connect_ex(("127.0.0.1", zenoh_port)) == 0
         log = runtime.gate_log.read_text() if runtime.gate_log.exists() else ""
         states = [json.loads(line).get("target") for line in log.splitlines(keepends=False)]
-        if listens and "PREFLIGHT" in states:
-            return
-        time.sleep(0.1)
-    raise AssertionError("the service did not come up")
+        return listens and "PREFLIGHT" in states
+
+    assert until(is_up, 40.0, poll_s=0.1)
 
 
 def test_a_running_service_listens_on_nothing_but_what_is_declared(service):

@@ -13,6 +13,7 @@ import pytest
 import zenoh
 import zenoh.ext
 from loopback import free_tcp_port
+from waiting import until
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
@@ -143,15 +144,6 @@ def nobody(folder):
     return place
 
 
-def wait_until(condition, seconds=30.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
-
-
 def test_every_name_may_do_its_roles_work_and_nothing_else(hub, folder, nobody):
     del nobody
     names = [name for name in MAY_SAY if hub.speaker or not name.startswith("service")]
@@ -188,7 +180,7 @@ def test_every_name_may_do_its_roles_work_and_nothing_else(hub, folder, nobody):
         return said and heard
 
     # What is allowed arrives; by then everything else has been said as often.
-    assert wait_until(complete)
+    assert until(complete)
     say_everything()
     time.sleep(0.5)
     for name in names:
@@ -226,7 +218,7 @@ def test_what_is_kept_reaches_a_dashboard_that_joins_late(hub, folder):
     ]
     # Of its own vehicle, whether it asks for that one or for all; nobody else hears anything.
     wanted = {("dashboard.drone1", OURS.telemetry("config")), ("dashboard.drone1", "dfvs/*/config")}
-    assert wait_until(lambda: set(heard) >= wanted)
+    assert until(lambda: set(heard) >= wanted)
     time.sleep(0.3)
     assert set(heard) == wanted
     for subscriber in subscribers:
@@ -240,8 +232,8 @@ def test_two_services_of_a_vehicle_see_each_others_lease(hub, folder):
     first = client(hub.endpoint, folder / "service.drone1")
     second = client(hub.endpoint, folder / "service.drone1") if hub.speaker else hub.session
     leases = [NameLease(session, OURS, lambda _: None) for session in (first, second)]
-    assert wait_until(lambda: leases[0].holders().standing_by == (leases[1].name,))
-    assert wait_until(lambda: leases[1].holders().standing_by == (leases[0].name,))
+    assert until(lambda: leases[0].holders().standing_by == (leases[1].name,))
+    assert until(lambda: leases[1].holders().standing_by == (leases[0].name,))
     for lease in leases:
         lease.close()
     for session in (first, second) if hub.speaker else (first,):

@@ -15,7 +15,8 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.offboard import Offboard, OffboardError, VelocityBodyYawspeed
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
-from vehicle_process import Hovering, companion_connected, vehicle_running, wait_until
+from vehicle_process import Hovering, companion_connected, vehicle_running
+from waiting import until
 
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import PoseTracker
@@ -70,10 +71,10 @@ def test_health_becomes_good_and_arming_is_denied_before(tmp_path: Path) -> None
         assert not telemetry.health_all_ok()
         with pytest.raises(ActionError, match="COMMAND_DENIED"):
             action.arm()
-        assert wait_until(telemetry.health_all_ok, 30.0)
-        assert wait_until(lambda: bool(telemetry.health().is_armable), 30.0)
+        assert until(telemetry.health_all_ok, 30.0)
+        assert until(lambda: bool(telemetry.health().is_armable), 30.0)
         action.arm()
-        assert wait_until(telemetry.armed, 30.0)
+        assert until(telemetry.armed, 30.0)
 
 
 def test_advised_parameters_set_by_the_pilot_are_read_back(hovering: Hovering) -> None:
@@ -88,7 +89,7 @@ def test_the_offboard_plugin_starts_flies_and_stops(hovering: Hovering) -> None:
         offboard.start()
     offboard.set_velocity_body(STILL)
     offboard.start()
-    assert wait_until(lambda: telemetry.flight_mode() == FlightMode.OFFBOARD, 30.0)
+    assert until(lambda: telemetry.flight_mode() == FlightMode.OFFBOARD, 30.0)
     offboard.set_velocity_body(VelocityBodyYawspeed(0.0, 0.0, 0.0, 20.0))
     time.sleep(0.3)
     setpoint = hovering.vehicle.events("setpoint")[-1]
@@ -96,7 +97,7 @@ def test_the_offboard_plugin_starts_flies_and_stops(hovering: Hovering) -> None:
     assert setpoint["yaw_rate_rad_s"] == pytest.approx(0.349, abs=0.001)  # 20 deg/s
     offboard.set_velocity_body(STILL)
     offboard.stop()
-    assert wait_until(lambda: telemetry.flight_mode() == FlightMode.HOLD, 30.0)
+    assert until(lambda: telemetry.flight_mode() == FlightMode.HOLD, 30.0)
     offboard.destroy()
 
 
@@ -118,7 +119,7 @@ def test_every_setpoint_sent_is_in_the_record_once_and_in_order(hovering: Hoveri
         rows = [e for e in hovering.vehicle.events("setpoint") if e["t_ns"] > begin_ns]
         return [round(e["velocity"][0], 3) for e in rows]
 
-    wait_until(lambda: len(received()) == len(sent), 10.0)
+    until(lambda: len(received()) == len(sent), 10.0)
     assert received() == sent
     direct.destroy()
 

@@ -141,24 +141,3 @@ def test_each_of_several_cameras_is_a_row_with_tracked_time_and_final_error(tmp_
 def test_a_stage_that_is_left_out_changes_its_numbers_alone(stage):
     given, left_out = asdict(MatchingConfig()), asdict(without([stage]))
     assert {name for name in given if given[name] != left_out[name]} == set(STAGES[stage])
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["nowhere.glb"], "nowhere.glb"),
-        (["ROOM", "--trials", "0"], "--trials is 0"),
-        (["ROOM", "--threads", "0"], "--threads is 0"),
-        (["ROOM", "--working-width", "9"], "--working-width is 9; expected 64 to 1920"),
-        (["ROOM", "--seed", "-1"], "--seed is -1"),
-        (["ROOM", "--camera", "big"], "--camera is 'big'"),
-        (["ROOM", "--bundle", "none"], "there is no model 'none'"),
-        (["ROOM", "--without", "sleep"], "there is no stage 'sleep'; expected one of turns, "),
-        (["ROOM", "ROOM"], "names of their own"),
-        (["ROOM", "--json", "nowhere/f.json"], "lies in no folder"),
-    ],
-)
-def test_what_cannot_be_measured_is_said_in_one_line(words, said, capsys):
-    room = str(builtin_room_path())
-    assert main(["relocalise", *(room if w == "ROOM" else w for w in words)]) == 2
-    assert said in capsys.readouterr().err

@@ -100,20 +100,21 @@ def test_files_that_cannot_be_used_are_named(tmp_path, certificate, refusal):
     assert "TOML" in refusal("--config", str(tmp_path / "none.toml"))
 
 
-def test_a_port_that_is_taken_is_said_before_anything_starts(capsys):
+def test_a_port_that_is_taken_is_said_before_anything_starts(refused):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        assert cli.main(["--port", str(taken.getsockname()[1])]) == 2
-    assert "choose another one with --port" in capsys.readouterr().err
+        error = refused(cli.main, "--port", taken.getsockname()[1])
+    assert "choose another one with --port" in error
 
 
-def test_a_new_token_is_a_private_file(tmp_path, capsys):
+def test_a_new_token_is_a_private_file(tmp_path, capfd, refused):
     path = tmp_path / "fresh"
-    assert cli.main(["new-token", "--token-file", str(path)]) == 0
+    words = ["new-token", "--token-file", str(path)]
+    assert cli.main(words) == 0
     assert path.stat().st_mode & 0o777 == 0o600
-    assert cli.main(["new-token", "--token-file", str(path)]) == 2
-    assert path.read_text().strip() not in capsys.readouterr().out
+    assert path.read_text().strip() not in capfd.readouterr().out
+    refused(cli.main, *words)
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch, refusal):

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_process import wait_until
+from waiting import until
 
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.systems import LinkError
@@ -116,7 +116,7 @@ def test_texts_are_shown_without_control_characters(
     with Autopilot(1, link.port) as vehicle:
         vehicle.beat()
         vehicle.send(text(sent))
-        assert wait_until(lambda: bool(link.texts), 2.0)
+        assert until(lambda: bool(link.texts), 2.0)
         assert link.texts[-1][1] == shown
 
 
@@ -126,5 +126,5 @@ def test_a_text_in_chunks_is_shown_as_one(link: GroundLink) -> None:
         vehicle.beat()
         vehicle.send(text(long[:50], number=9, chunk=0))
         vehicle.send(text(long[50:], number=9, chunk=1))
-        assert wait_until(lambda: bool(link.texts) and link.texts[-1][1].endswith("too"), 2.0)
+        assert until(lambda: bool(link.texts) and link.texts[-1][1].endswith("too"), 2.0)
         assert [words for _, words in link.texts] == [long.strip()]

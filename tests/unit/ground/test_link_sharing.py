@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_process import wait_until
+from waiting import until
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.ground.link import GroundLink
@@ -50,7 +50,7 @@ def test_two_more_ground_stations_hear_the_vehicle_and_are_heard_by_it(
                 beat(autopilot, owner)
                 return first.target == second.target == 7
 
-            assert wait_until(all_hear, 30.0)
+            assert until(all_hear, 30.0)
             second.send(mavlink.MAVLink_manual_control_message(7, 0, 0, 500, 0, 0))
             parser = mavlink.MAVLink(None)
             names: list[str] = []
@@ -66,10 +66,10 @@ def test_a_ground_station_that_ended_does_not_disturb_the_others(
     with LinkSharing(owner, 0) as sharing:
         url = f"udpout://127.0.0.1:{sharing.port}"
         with GroundLink(url) as first:
-            assert wait_until(lambda: beat(autopilot, owner) or first.target == 7, 30.0)
+            assert until(lambda: beat(autopilot, owner) or first.target == 7, 30.0)
         beat(autopilot, owner)  # to a closed port
         with GroundLink(url) as second:
-            assert wait_until(lambda: beat(autopilot, owner) or second.target == 7, 30.0)
+            assert until(lambda: beat(autopilot, owner) or second.target == 7, 30.0)
 
 
 def test_a_taken_port_is_an_error_that_names_it(owner: GroundLink) -> None:

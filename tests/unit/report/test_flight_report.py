@@ -244,10 +244,9 @@ def test_what_cannot_be_is_said_in_one_line(words, told, flight, refused):
     assert told in refused(main, *words)
 
 
-def test_a_missing_package_is_named_with_its_remedy(flight, monkeypatch, capsys):
+def test_a_missing_package_is_named_with_its_remedy(flight, monkeypatch, refused):
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    assert main(["latest"]) == 2
-    assert "pip install 'dfvs[report]'" in capsys.readouterr().err
+    assert "pip install 'dfvs[report]'" in refused(main, "latest")
 
 
 def test_the_film_lasts_as_long_as_the_plots_and_says_where_its_views_come_from(filmed):
@@ -301,11 +300,13 @@ def test_the_truth_of_a_simulation_is_drawn_beside_the_estimate(flight, tmp_path
     assert "1.000 → 0.220 m" in text
 
 
-def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(filmed, tmp_path, monkeypatch, capsys):
+def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(
+    filmed, tmp_path, monkeypatch, refused
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("dfvs_service.report.video._CODEC", "none")
-    assert main(["latest", "--out", "x.html"]) == 2
-    assert "no video can be written to x.webm" in capsys.readouterr().err
+    error = refused(main, "latest", "--out", "x.html")
+    assert "no video can be written to x.webm" in error
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
 
 

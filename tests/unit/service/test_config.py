@@ -209,43 +209,6 @@ def test_intrinsics_without_a_size_are_refused():
 # --- zenoh ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "endpoint",
-    [
-        "tcp/127.0.0.1:7447",
-        "tcp/127.1.2.3:1",
-        "tcp/[::1]:7447",
-        "tcp/localhost:7447",
-        "tls/drone.example:7447",
-        "quic/10.0.0.1:7447",
-        "unixsock-stream//run/dfvs.sock",
-    ],
-)
-def test_encrypted_and_local_endpoints_are_accepted(endpoint):
-    load_config(None, {"zenoh.connect": [endpoint], "zenoh.tls.ca": "ca.pem"})
-
-
-@pytest.mark.parametrize(
-    "endpoint",
-    [
-        "tcp/10.0.0.1:7447",
-        "tcp/[::]:7447",
-        "tcp/0.0.0.0:7447",
-        "udp/192.168.0.1:7447",
-        "tcp/127.0.0.1.evil.example:7447",
-        "tcp/localhost.evil.example:7447",
-        "ws/10.0.0.1:80",
-        "tcp/",
-        "",
-    ],
-)
-@pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
-def test_plaintext_beyond_this_machine_needs_a_loud_setting(key, endpoint):
-    with pytest.raises(ConfigError, match="allow_plaintext"):
-        load_config(None, {key: [endpoint]})
-    load_config(None, {key: [endpoint], "zenoh.allow_plaintext": True})
-
-
 def test_a_client_needs_a_router():
     with pytest.raises(ConfigError, match="connect"):
         load_config(None, {"zenoh.mode": "client"})

@@ -14,19 +14,26 @@ PEM = "-----BEGIN CERTIFICATE-----\n"
     [
         ("tcp/127.0.0.1:7447", True),
         ("tcp/127.8.9.10:7447", True),
+        ("tcp/127.1.2.3:1", True),
         ("tcp/localhost:7447", True),
         ("tcp/[::1]:7447", True),
         ("udp/[::1]:7447?rel=0", True),
         ("unixsock-stream//run/zenoh", True),
         ("tls/10.0.0.1:7447", True),
+        ("tls/drone.example:7447", True),
+        ("quic/10.0.0.1:7447", True),
         ("quic/[fe80::1]:7447", True),
         ("tcp/0.0.0.0:7447", False),
         ("tcp/[::]:7447", False),
         ("tcp/192.168.1.2:7447", False),
+        ("tcp/10.0.0.1:7447", False),
+        ("udp/192.168.0.1:7447", False),
         ("tcp/127.0.0.1.evil.example:7447", False),
         ("tcp/localhost.evil.example:7447", False),
         ("ws/10.0.0.1:80", False),
         ("serial//dev/ttyUSB0", False),
+        ("tcp/", False),
+        ("", False),
     ],
 )
 def test_what_stays_on_this_machine_or_is_encrypted_is_private(endpoint, private):
@@ -48,14 +55,21 @@ def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
     assert is_private_mavlink(url) is private
 
 
-def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes():
-    overrides = {"zenoh.listen": ["tcp/0.0.0.0:7447"]}
+@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/", ""])
+@pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
+def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     with pytest.raises(ConfigError, match="allow_plaintext"):
-        load_config(None, overrides)
-    config = load_config(None, {**overrides, "zenoh.allow_plaintext": True})
+        load_config(None, {key: [endpoint]})
+    config = load_config(None, {key: [endpoint], "zenoh.allow_plaintext": True})
     (line,) = exposure_warnings(config)
     assert "NOT ENCRYPTED" in line
-    assert "tcp/0.0.0.0:7447" in line
+    assert endpoint in line
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "tls/drone.example:7447"])
+def test_zenoh_on_this_machine_or_encrypted_needs_none(endpoint):
+    config = load_config(None, {"zenoh.connect": [endpoint], "zenoh.tls.ca": "ca.pem"})
+    assert exposure_warnings(config) == ()
 
 
 def test_mavlink_on_a_network_is_warned_of():
