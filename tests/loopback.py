@@ -1,7 +1,5 @@
 """Free places on the loopback interface, and Zenoh peers between them."""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@ downloaded and no flow is right; what is shown is the path, the agreement, and t
 perception answers every frame with a report: a velocity, or why there is none.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

@@ -6,8 +6,6 @@ where frames cannot be compared in time, as it should: no verdict is given on a 
 another one a flight is tried again.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

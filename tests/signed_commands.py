@@ -1,7 +1,5 @@
 """Signed commands for tests: each call makes one that was never sent before."""
 
-from __future__ import annotations
-
 import secrets
 
 from dfvs_core.gate.commands.command import Command, encode_command

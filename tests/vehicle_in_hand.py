@@ -1,7 +1,5 @@
 """A simulated vehicle whose clock the test holds, and the messages to speak to it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

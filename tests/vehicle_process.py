@@ -1,7 +1,5 @@
 """A vehicle process on ports of its own, and what to connect to it."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import socket

@@ -6,8 +6,6 @@ Hold at 1.5 m, in the first two followed by 15 to 57 s of offboard flight; 63 s 
 Estimate minus truth at 42 Hz; the smallest and the largest of the flights.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

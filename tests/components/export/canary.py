@@ -1,7 +1,5 @@
 """A pickle that shows when somebody runs it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """Published networks: path, parity and contract. Weights are random: there is no internet here."""
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import itertools

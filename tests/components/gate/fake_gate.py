@@ -5,8 +5,6 @@ is killed; ``--after NAME`` waits for that file of the runtime folder instead. `
 code of its end by SIGTERM, which ``--deaf`` ignores.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

@@ -5,8 +5,6 @@ distance of the goal. Writes the gate's last challenge to ``challenge``, passes 
 in ``command``. Ends when the parent's pipe ends.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import math

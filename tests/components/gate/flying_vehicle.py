@@ -6,8 +6,6 @@ Take-off is computed ahead of real time, so that a test need not wait for it. Li
 Besides the vehicle's own record, every heartbeat that it sends is recorded.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

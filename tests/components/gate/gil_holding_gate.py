@@ -4,8 +4,6 @@ This is what a native library that does not return looks like from inside: every
 stands still, native threads go on.
 """
 
-from __future__ import annotations
-
 import ctypes
 import sys
 import threading

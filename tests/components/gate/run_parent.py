@@ -1,7 +1,5 @@
 """Starts the real parent with the given perception and gate programs."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

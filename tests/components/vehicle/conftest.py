@@ -1,7 +1,5 @@
 """A vehicle in the air, shared by the tests of a module."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Run ``dfvs-sim vehicle`` with the options given."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -1,7 +1,5 @@
 """The pilot and the process around the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pilot beside a vehicle with PX4's default sensor noise, and one that will not arm."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

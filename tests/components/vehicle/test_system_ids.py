@@ -1,7 +1,5 @@
 """Two simulated vehicles that send to the same ground station."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

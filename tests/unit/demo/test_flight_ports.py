@@ -1,7 +1,5 @@
 """Ports of flights that are brought up at the same time."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

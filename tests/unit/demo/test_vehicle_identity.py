@@ -1,7 +1,5 @@
 """Both links of a flight lead to the same vehicle."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading

@@ -1,7 +1,5 @@
 """The vehicle's clock, told by its stamps, on this machine's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Several ground stations on one autopilot's port."""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Iterator
 

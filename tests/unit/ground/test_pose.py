@@ -1,7 +1,5 @@
 """Poses at a time of this machine's clock, from telemetry with the vehicle's stamps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

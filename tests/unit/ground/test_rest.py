@@ -1,7 +1,5 @@
 """Rest by the mean of an estimated velocity that errs as PX4's does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from correlated_errors import correlated

@@ -1,7 +1,5 @@
 """Poses from the true motion that a simulated vehicle sends."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """Connection URLs of the ground station's link."""
 
-from __future__ import annotations
-
 import pytest
 
 from dfvs_core.errors import ConfigError

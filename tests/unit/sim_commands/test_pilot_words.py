@@ -1,7 +1,5 @@
 """Words of ``dfvs-sim pilot``."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import pytest

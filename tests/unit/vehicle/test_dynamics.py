@@ -1,7 +1,5 @@
 """The vehicle moves as PX4 v1.17's own quadrotor model was recorded to move."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The vehicle's state estimate: its errors, and that the vehicle is flown by it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

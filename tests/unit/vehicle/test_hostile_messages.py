@@ -1,7 +1,5 @@
 """Whatever arrives, the vehicle neither falls over nor sends numbers that are no numbers."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

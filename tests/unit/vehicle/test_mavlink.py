@@ -1,7 +1,5 @@
 """The vehicle's UDP links."""
 
-from __future__ import annotations
-
 import select
 
 import pytest

@@ -1,7 +1,5 @@
 """The numbers by which PX4's modes are known on the wire."""
 
-from __future__ import annotations
-
 import pytest
 
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom, mode_from_numbers

@@ -1,7 +1,5 @@
 """OFFBOARD: who gets in, what keeps it alive, and what happens when setpoints stop."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """PX4's parameters over MAVLink."""
 
-from __future__ import annotations
-
 import math
 import struct
 

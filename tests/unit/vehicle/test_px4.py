@@ -1,7 +1,5 @@
 """The vehicle's face towards MAVLink: arming, modes, acks, texts, landing, commands."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The vehicle's record on disk."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What PX4 takes from SET_POSITION_TARGET_LOCAL_NED."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

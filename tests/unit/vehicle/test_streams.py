@@ -1,7 +1,5 @@
 """How often messages go out, and how that is changed."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

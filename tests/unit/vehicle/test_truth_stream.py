@@ -1,7 +1,5 @@
 """HIL_STATE_QUATERNION: the true motion on request, as PX4's own simulation sends it."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """``dfvs-sim vehicle``: what its options mean."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest

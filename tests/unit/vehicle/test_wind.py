@@ -1,7 +1,5 @@
 """Wind: a steady part and gusts, drawn from the seed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
