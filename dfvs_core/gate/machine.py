@@ -148,7 +148,7 @@ class GateMachine(TransitionState):
         elif self.state is GateState.ABORT:
             self._refusal = "rejected: the flight is still being ended, command it again"
         elif self.state is GateState.DONE:
-            self._refusal = "rejected: the goal is reached, order another one"
+            self._refusal = "rejected: the goal is reached, send another goal"
 
     def _on_goal(self, goal: str) -> None:
         """Set another goal, where nothing moves: checks, overlap and response begin anew."""

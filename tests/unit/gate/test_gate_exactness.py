@@ -306,7 +306,7 @@ def test_an_order_to_engage_at_the_goal_is_refused_with_what_to_do():
     gate.changes["reached"] = True
     gate.until(GateState.DONE)
     output = gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
-    assert output.refusal == "rejected: the goal is reached, order another one"
+    assert output.refusal == "rejected: the goal is reached, send another goal"
     assert gate.state is GateState.DONE
 
 
