@@ -51,7 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="spawn point in the scene's world frame (NED, m) and heading (degrees)",
     )
     add("--ground-z", type=float, default=0.08, help="local z when standing on the ground, m")
-    add("--ready-after", type=float, default=5.0, metavar="S", help="seconds until armable")
+    add("--ready-after", type=float, default=1.0, metavar="S", help="seconds until armable")
     add("--seed", type=int, default=0, help="seed of noise and delays")
     add("--system-id", type=int, default=1, metavar="N", help="MAVLink system id, 1 to 250")
     add(

@@ -32,7 +32,7 @@ class VehicleConfig:
 
     yaw_rad: float = 0.0
     ground_m: float = 0.08
-    ready_after_s: float = 5.0
+    ready_after_s: float = 1.0
     estimate: EstimateGrade = EstimateGrade.PERFECT
     wind: WindGrade = WindGrade.CALM
     wind_north_m_s: float = 0.0
