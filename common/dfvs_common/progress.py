@@ -23,26 +23,28 @@ class StatusLine:
 
     def __init__(self, stream: TextIO | None = None, interval_s: float = 0.0) -> None:
         self._stream = stream or sys.stderr
-        self._is_shown = self._stream.isatty()
+        self.is_live = self._stream.isatty()
         self._interval_s = interval_s
         self._next_s = 0.0
+        self._is_drawn = False
 
     def show(self, text: str) -> None:
         """Rewrite the line."""
-        if self._is_shown and time.monotonic() >= self._next_s:
+        if self.is_live and time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + self._interval_s
-            self._write(f"\r\x1b[K{text}")
+            self._write(f"\r\x1b[K{text}", is_drawn=True)
 
     def clear(self) -> None:
-        """Erase the line."""
-        if self._is_shown:
-            self._write("\r\x1b[K")
+        """Erase the line, if there is one."""
+        if self._is_drawn:
+            self._write("\r\x1b[K", is_drawn=False)
 
     def end(self) -> None:
-        """Leave the line as it is; what follows is printed below it."""
-        if self._is_shown:
-            self._write("\n")
+        """Leave the line, if there is one, as it is; what follows is printed below it."""
+        if self._is_drawn:
+            self._write("\n", is_drawn=False)
 
-    def _write(self, text: str) -> None:
+    def _write(self, text: str, *, is_drawn: bool) -> None:
+        self._is_drawn = is_drawn
         self._stream.write(text)
         self._stream.flush()

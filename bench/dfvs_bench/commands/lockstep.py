@@ -10,13 +10,13 @@ from dfvs_bench.lockstep.record import SimulatedFlight, summarise
 from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.demo.progress import Progress
 from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.scene import builtin_room_path
 
@@ -77,11 +77,10 @@ def run(args: argparse.Namespace) -> int:
         If an option, the scene or the matcher cannot be used.
     """
     jobs = _jobs(args)
-    progress = Progress()
     flights: list[SimulatedFlight] = []
     for flight in TrialExecutor(args.workers).finished(fly, jobs):
         flights.append(flight)
-        progress.log(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
+        log(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
     flights.sort(key=lambda f: f.seed)
     summary = summarise(flights)
     for name, value in summary.items():

@@ -21,11 +21,11 @@ from dfvs_bench.relocalisation.relocalise import (
 )
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.demo.progress import Progress
 from dfvs_sim.options import camera_from, require_folder, require_range, write_json
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)
@@ -105,10 +105,10 @@ def run(args: argparse.Namespace) -> int:
         for label in [f"{name} {size}" if len(cameras) > 1 else name]
         for place, tasks in drawn[size]
     ]
-    progress, found = Progress(), list[Relocalisation]()
+    found: list[Relocalisation] = []
     for part in executor.finished(relocalise, jobs):
         found += part
-        progress.log(f"{len(found)} of {sum(len(job.tasks) for job in jobs)} pairs")
+        log(f"{len(found)} of {sum(len(job.tasks) for job in jobs)} pairs")
     figures = summarise(found)
     print(_COLUMNS)
     for label in dict.fromkeys(job.name for job in jobs):

@@ -14,7 +14,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
-from dfvs_export.bundles.depth_card import depth_card
+from dfvs_export.bundles.card import depth_accuracy, model_card
 from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
@@ -31,6 +31,17 @@ _LEAST_RANGE = 0.01
 _LEAST_SPREAD, _MOST_SPREAD = 0.001, 10.0
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet's images."""
+_ABOUT = """\
+Depth of one image along the optical axis. Origin: {m.origin}.
+
+- Input: {m.input.width} x {m.input.height} px, RGB{focal}. Precision: {m.precision}.
+- Output: {quantity}, unit {m.depth.unit}, every {m.depth.stride} px, with {spread}.
+- Licence: {m.licence}."""
+_LIMITS = """\
+- Rooms and light unlike those that it was trained on; views from close to a wall.
+- The size of things: its scale is a guess from what rooms are like, which motion corrects.
+- Mirrors, glass and the open sky."""
+"""Of our own network: those of a published one are not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,4 +176,15 @@ class DepthModel:
 
     def card(self, manifest: Manifest, measured: Mapping[str, MeasuredDepth]) -> str:
         """Text of the model card; ``measured`` by the file's name may be empty."""
-        return depth_card(manifest, self.training, measured)
+        meaning = manifest.depth
+        assert meaning is not None
+        takes_focal = len(manifest.graphs["mono"].inputs) > 1
+        stated = f"a standard deviation of its logarithm of {meaning.spread} (assumed)"
+        about = _ABOUT.format(
+            m=manifest,
+            focal=" and the focal length over the width" if takes_focal else "",
+            quantity=meaning.quantity.replace("-", " "),
+            spread="the standard deviation of its logarithm" if meaning.spread is None else stated,
+        )
+        limits = _LIMITS if self.training else ""
+        return model_card(manifest.name, about, depth_accuracy(measured), self.training, limits)

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput
-from dfvs_export.bundles.flow_card import model_card
+from dfvs_export.bundles.card import flow_accuracy, model_card
 from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.rounding import round_weights
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
@@ -41,6 +41,21 @@ _ANY_SIZE = {
 """Pairs of images and their keypoints are as many as each match asks for."""
 _MATCHED = 0.1
 """Confidence from which on a keypoint counts as matched."""
+_ABOUT = """\
+Sparse matches of a camera's image with a goal image, for visual servoing. Two graphs: `encode`
+(keypoints with descriptors, once per image) and `match` (the partner of each, with a confidence).
+
+- Encoder: XFeat (Potje et al., CVPR 2024). Matcher: LighterGlue, a LightGlue of width 96
+  (Lindenberger et al., ICCV 2023).
+- Input: {m.input.width} x {m.input.height} px, grey, 0 to 255; a negative pixel is outside \
+of the image.
+  Precision: {m.precision}.
+- {parameters:.2f} million parameters. Origin: {m.origin}.
+- Licence: Apache-2.0, as the published weights that it starts from."""
+_LIMITS = """\
+- Roll of more than about 25 degrees; the service turns the goal image for that.
+- Repeated structures: any of several like windows or balusters may be matched.
+- Moving things: the scene is taken to be still."""
 
 
 class MatchGraph(nn.Module):
@@ -118,7 +133,10 @@ class OwnFlow:
 
     def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
         """Text of the model card; ``scores`` may be empty."""
-        return model_card(self.weights, manifest, scores, pairs_name)
+        states = (*self.weights.encoder.items(), *self.weights.matcher.items())
+        about = _ABOUT.format(m=manifest, parameters=sum(v.numel() for _, v in states) / 1e6)
+        accuracy = flow_accuracy(scores, pairs_name)
+        return model_card(NAME, about, accuracy, self.weights.training, _LIMITS)
 
 
 def _apart_px(expected: Float32Array, found: Float32Array) -> Float32Array:

@@ -11,6 +11,7 @@ import torch
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
+from dfvs_export.bundles.card import model_card
 from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace
@@ -23,26 +24,19 @@ _AFTER = {
     "saxena": "Saxena et al. (ICRA 2017): FlowNet's encoder on both images stacked",
     "bateux": "Bateux et al. (ICRA 2018): a Siamese encoder of ImageNet, trained on planes",
 }
-_TEMPLATE = """# {name}
-
+_ABOUT = """\
 Pose of a goal image's camera in the current one's, from both images; a baseline of the benchmark,
 after {after}.
 
-- Input: two grey images of {width} x {height} px, and their focal length over the width.
-- Output: translation ({unit}) and rotation ({rotation}). Precision: {precision}.
-- {parameters:.2f} million parameters. Origin: {origin}.
-- Licence: {licence}.
-
-## Training
-{training}
-
-## Accuracy
-Not measured for this bundle: see `dfvs-bench scenes --setting` and `table1`.
-
-## What it is bad at
+- Input: two grey images of {m.input.width} x {m.input.height} px, and their focal \
+length over the width.
+- Output: translation ({m.pose.unit}) and rotation ({rotation}). Precision: {m.precision}.
+- {parameters:.2f} million parameters. Origin: {m.origin}.
+- Licence: {m.licence}."""
+_ACCURACY = "Not measured for this bundle: see `dfvs-bench scenes --setting` and `table1`."
+_LIMITS = """\
 - Views that share little, and motion beyond that of its training.
-- The unit of its translation: {scale}.
-"""
+- The unit of its translation: {scale}."""
 _SCALES = {
     "m": "lengths are guessed from what rooms of the training look like",
     "depth": "lengths come in depths at the goal's middle, as if all were one plane",
@@ -100,17 +94,11 @@ class PoseModel:
         """Text of the model card."""
         output = manifest.pose
         assert output is not None
-        return _TEMPLATE.format(
-            name=self.name,
+        about = _ABOUT.format(
+            m=manifest,
             after=_AFTER[self.name],
-            width=manifest.input.width,
-            height=manifest.input.height,
-            unit=output.unit,
             rotation="rotation vector" if output.rotation == "vector" else "quaternion",
-            precision=manifest.precision,
             parameters=sum(value.numel() for value in self.weights.state.values()) / 1e6,
-            origin=manifest.origin,
-            licence=manifest.licence,
-            training=self.weights.training,
-            scale=_SCALES[output.unit],
         )
+        limits = _LIMITS.format(scale=_SCALES[output.unit])
+        return model_card(self.name, about, _ACCURACY, self.weights.training, limits)

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
-from dfvs_export.bundles.flow_card import accuracy_table
+from dfvs_export.bundles.card import flow_accuracy, model_card
 from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
@@ -23,16 +23,11 @@ from dfvs_models.evaluation import LevelScore
 PREFIX = "ptlflow:"
 _MULTIPLE = 16
 _TENSORS: TensorNames = (("first", "second"), ("flow",))
-_CARD = """# {name}
-
+_ABOUT = """\
 A published network, converted through ptlflow: {origin}.
 
-- Input: {width} x {height} px, BGR, 0 to 1. Precision: {precision}.
-- Its licence, and that of its weights, is its authors': look there before you use it.
-
-## Accuracy
-{accuracy}
-"""
+- Input: {m.input.width} x {m.input.height} px, BGR, 0 to 1. Precision: {m.precision}.
+- Its licence, and that of its weights, is its authors': look there before you use it."""
 
 
 class PairGraph(nn.Module):
@@ -97,11 +92,5 @@ class PublishedFlow:
 
     def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
         """Text of the model card; ``scores`` may be empty."""
-        return _CARD.format(
-            name=manifest.name,
-            origin=self.origin,
-            width=manifest.input.width,
-            height=manifest.input.height,
-            precision=manifest.precision,
-            accuracy=accuracy_table(scores, pairs_name),
-        )
+        about = _ABOUT.format(m=manifest, origin=self.origin)
+        return model_card(manifest.name, about, flow_accuracy(scores, pairs_name))

@@ -1,12 +1,13 @@
 """Table of the answers to commands, for the report of the fault matrix."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dfvs_common.tables import markdown_table
 from dfvs_common.templates import templates
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
@@ -48,12 +49,6 @@ def markdown_lines(document: Mapping[str, Any]) -> list[str]:
     table = markdown_table(_HEADS, _rows(document))
     problems = [f"- {text}" for text in _problems(document)]
     return [f"## {TITLE}", "", _note(document), "", *table, "", *problems]
-
-
-def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table."""
-    first, *others = (f"| {' | '.join(cells)} |" for cells in (heads, *rows))
-    return [first, "|" + "---|" * len(heads), *others]
 
 
 def html_section(document: Mapping[str, Any]) -> str:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.atomic_file import write_atomic
+from dfvs_common.tables import markdown_table
 from dfvs_common.templates import templates
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.answers.report import html_section, markdown_lines, markdown_table
+from dfvs_robustness.answers.report import html_section, markdown_lines
 from dfvs_robustness.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80

@@ -7,25 +7,21 @@ well. It is an ordinary model bundle: the service has no part in the trick.
 """
 
 import enum
+import string
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
-from onnx import TensorProto, helper, numpy_helper
+import onnx.parser
+from numpy.typing import NDArray
+from onnx import numpy_helper
 
 from dfvs_core.messages.manifest import MANIFEST_NAME, Graph, Manifest, sha256
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _FILE = "pair.onnx"
-_TOLERANCE = 0.04
-_LEAST_DET = 1e-9
-"""Keeps the flow finite where both ramps run the same way; on the wall it is 1e-5."""
 _GARBAGE_PX = 40.0
-_SHIFT_PX = 9.0
-_SLOW_TRIPS = 400_000
-_ENDLESS_TRIPS = 1 << 50
 
 
 class Misbehaviour(enum.Enum):
@@ -44,117 +40,88 @@ class Misbehaviour(enum.Enum):
         return round(255 * self.value)
 
 
-class _Nodes:
-    """Collects nodes and constants; every call gives the name of its result."""
+_TRIPS = {Misbehaviour.SLOW: 400_000, Misbehaviour.STUCK: 1 << 50}
+"""Rounds of the loop that delays the network."""
+_GRAPH = """
+<ir_version: 8, opset_import: ["": 17]>
+ramp (float[1, 3, $height, $width] current, float[1, 3, $height, $width] other)
+    => (float[1, 2, $height, $width] flow)
+<
+    int64[2] channels = {2, 1}, float tolerance = {0.04}, float shift_px = {9},
+    # Keeps the flow finite where both ramps run the same way; on the wall it is 1e-5
+    float least_det = {1e-9},
+    bool always = {1}, float nought = {0}, float one = {1}, float[1] start = {0}
+>
+{
+    # Red and green at the centre, and their slopes per px along u and v, each (2, 2, 1, 1)
+    images = Concat<axis = 0>(current, other)
+    colours, blues = Split<axis = 1>(images, channels)
+    left, right = Split<axis = 3>(colours)
+    top, bottom = Split<axis = 2>(colours)
+    centres = ReduceMean<axes = [2, 3]>(colours)
+    at_left = ReduceMean<axes = [2, 3]>(left) at_right = ReduceMean<axes = [2, 3]>(right)
+    at_top = ReduceMean<axes = [2, 3]>(top) at_bottom = ReduceMean<axes = [2, 3]>(bottom)
+    rise_u = Sub(at_right, at_left) slopes_u = Mul(rise_u, per_width)
+    rise_v = Sub(at_bottom, at_top) slopes_v = Mul(rise_v, per_height)
 
-    def __init__(self) -> None:
-        self.nodes: list[onnx.NodeProto] = []
-        self.constants: list[onnx.TensorProto] = []
+    # Red and green of each pixel of the current image, from the centre of the other
+    centre, other_centre = Split<axis = 0>(centres)
+    along_u, other_u = Split<axis = 0>(slopes_u)
+    along_v, other_v = Split<axis = 0>(slopes_v)
+    by_u = Mul(along_u, u) by_v = Mul(along_v, v) rise = Add(by_u, by_v)
+    offset = Sub(centre, other_centre) wanted = Add(rise, offset)
 
-    def op(self, kind: str, *inputs: str, **attributes: Any) -> str:
-        name = f"t{len(self.nodes)}"
-        self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
-        return name
+    # Where the other image has them: [[a, b], [c, d]] (at_u, at_v) = (red, green)
+    a, c = Split<axis = 1>(other_u)
+    b, d = Split<axis = 1>(other_v)
+    red, green = Split<axis = 1>(wanted)
+    ad = Mul(a, d) bc = Mul(b, c) ad_bc = Sub(ad, bc) det = Add(ad_bc, least_det)
+    d_red = Mul(d, red) b_green = Mul(b, green) det_u = Sub(d_red, b_green)
+    a_green = Mul(a, green) c_red = Mul(c, red) det_v = Sub(a_green, c_red)
+    at_u = Div(det_u, det) flow_u = Sub(at_u, u)
+    at_v = Div(det_v, det) flow_v = Sub(at_v, v)
+    true_flow = Concat<axis = 1>(flow_u, flow_v)
 
-    def constant(self, values: object, dtype: type = np.float32) -> str:
-        name = f"c{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(values, dtype), name))
-        return name
+    # 1 for the misbehaviour that the current image's blue asks for, else 0: (1, 1, 1, 5)
+    blue, other_blue = Split<axis = 0>(blues)
+    level = ReduceMean<axes = [2, 3]>(blue)
+    difference = Sub(level, shares) off = Abs(difference) is_asked = Less(off, tolerance)
+    asked = Cast<to = 1>(is_asked)
+    nan, is_garbage, one_way, slow, stuck = Split<axis = 3>(asked)
+    noise = Mul(garbage, is_garbage) noisy = Add(true_flow, noise)
+    shift = Mul(shift_px, one_way) shifted = Add(noisy, shift)
 
-    def part(self, x: str, axis: int, start: int, end: int) -> str:
-        ends = [self.constant([value], np.int64) for value in (start, end, axis)]
-        return self.op("Slice", x, *ends)
+    # Zero (1,), after as many rounds of a loop as were asked for
+    counts = Cast<to = 7>(asked) asked_trips = Mul(counts, trips)
+    all_trips = ReduceSum<keepdims = 0>(asked_trips)
+    delay = Loop(all_trips, always, start) <body = round (int64 i, bool go, float[1] x)
+        => (bool on, float[1] y) { on = Identity(go) y = Sin(x) }>
+    late = Add(shifted, delay)
 
-    def mean(self, x: str) -> str:
-        """Mean (1, C, 1, 1) over the image."""
-        return self.op("ReduceMean", x, axes=[2, 3], keepdims=1)
-
-
-def _affine(n: _Nodes, image: str) -> tuple[str, str, str]:
-    """Red and green at the centre, and their slopes per px along u and v, each (1, 2, 1, 1)."""
-    colours = n.part(image, 1, 0, 2)
-    slopes = []
-    for axis, size in ((3, WIDTH), (2, HEIGHT)):
-        low = n.mean(n.part(colours, axis, 0, size // 2))
-        high = n.mean(n.part(colours, axis, size // 2, size))
-        rise = n.op("Sub", high, low)
-        slopes.append(n.op("Mul", rise, n.constant(2.0 / size)))
-    return n.mean(colours), slopes[0], slopes[1]
-
-
-def _flow(n: _Nodes) -> str:
-    """Flow (1, 2, H, W): where the other image has the colours of the current one."""
-    centre, along_u, along_v = _affine(n, "current")
-    other, other_u, other_v = _affine(n, "other")
-    u = n.constant(np.broadcast_to(np.arange(WIDTH) + 0.5 - WIDTH / 2, (1, 1, HEIGHT, WIDTH)))
-    rows = (np.arange(HEIGHT) + 0.5 - HEIGHT / 2)[:, None]
-    v = n.constant(np.broadcast_to(rows, (1, 1, HEIGHT, WIDTH)))
-    rise = n.op("Add", n.op("Mul", along_u, u), n.op("Mul", along_v, v))
-    wanted = n.op("Add", rise, n.op("Sub", centre, other))
-    red, green = n.part(wanted, 1, 0, 1), n.part(wanted, 1, 1, 2)
-    (a, c), (b, d) = ((n.part(s, 1, 0, 1), n.part(s, 1, 1, 2)) for s in (other_u, other_v))
-    det = n.op("Sub", n.op("Mul", a, d), n.op("Mul", b, c))
-    det = n.op("Add", det, n.constant(_LEAST_DET))
-    at_u = n.op("Div", n.op("Sub", n.op("Mul", d, red), n.op("Mul", b, green)), det)
-    at_v = n.op("Div", n.op("Sub", n.op("Mul", a, green), n.op("Mul", c, red)), det)
-    return n.op("Concat", n.op("Sub", at_u, u), n.op("Sub", at_v, v), axis=1)
-
-
-def _chosen(n: _Nodes, blue: str, what: Misbehaviour) -> str:
-    """1 where the blue asks for it, else 0: (1, 1, 1, 1)."""
-    off = n.op("Abs", n.op("Sub", blue, n.constant(what.value)))
-    return n.op("Cast", n.op("Less", off, n.constant(_TOLERANCE)), to=TensorProto.FLOAT)
-
-
-def _delay(n: _Nodes, slow: str, stuck: str) -> str:
-    """Zero (1,), after as many rounds of a loop as were asked for."""
-    trips = n.op(
-        "Add",
-        n.op("Mul", n.op("Cast", slow, to=TensorProto.INT64), n.constant(_SLOW_TRIPS, np.int64)),
-        n.op(
-            "Mul", n.op("Cast", stuck, to=TensorProto.INT64), n.constant(_ENDLESS_TRIPS, np.int64)
-        ),
-    )
-    count = n.op("Reshape", trips, n.constant([1], np.int64))
-    one = helper.make_tensor_value_info
-    body = helper.make_graph(
-        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Sin", ["x"], ["y"])],
-        "round",
-        [
-            one("i", TensorProto.INT64, []),
-            one("go", TensorProto.BOOL, []),
-            one("x", TensorProto.FLOAT, [1]),
-        ],
-        [one("on", TensorProto.BOOL, []), one("y", TensorProto.FLOAT, [1])],
-    )
-    start = n.constant([0.0])
-    return n.op("Loop", count, n.constant(True, np.bool_), start, body=body)
+    # 0 / 0 where chosen
+    zero = Mul(nan, nought) rest = Sub(one, nan) share = Div(zero, rest)
+    flow = Add(late, share)
+}
+"""
 
 
 def faulty_network() -> onnx.ModelProto:
     """Build the network."""
-    n = _Nodes()
-    blue = n.mean(n.part("current", 1, 2, 3))
-    flow = _flow(n)
-    rng = np.random.default_rng(0)
-    garbage = n.constant(rng.normal(0.0, _GARBAGE_PX, (1, 2, HEIGHT, WIDTH)))
-    flow = n.op("Add", flow, n.op("Mul", garbage, _chosen(n, blue, Misbehaviour.GARBAGE)))
-    shift = n.op("Mul", n.constant(_SHIFT_PX), _chosen(n, blue, Misbehaviour.ONE_WAY))
-    flow = n.op("Add", flow, shift)
-    slow, stuck = (_chosen(n, blue, m) for m in (Misbehaviour.SLOW, Misbehaviour.STUCK))
-    flow = n.op("Add", flow, _delay(n, slow, stuck))
-    nan = _chosen(n, blue, Misbehaviour.NAN)
-    nought = n.op("Mul", nan, n.constant(0.0))
-    share = n.op("Div", nought, n.op("Sub", n.constant(1.0), nan))  # 0 / 0 where chosen
-    n.nodes.append(helper.make_node("Add", [flow, share], ["flow"]))
-    shape = (1, 3, HEIGHT, WIDTH)
-    inputs = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-        for name in ("current", "other")
-    ]
-    output = helper.make_tensor_value_info("flow", TensorProto.FLOAT, (1, 2, HEIGHT, WIDTH))
-    graph = helper.make_graph(n.nodes, "ramp", inputs, [output], n.constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    text = string.Template(_GRAPH).substitute(width=WIDTH, height=HEIGHT)
+    model = onnx.parser.parse_model(text)
+    garbage = np.random.default_rng(0).normal(0.0, _GARBAGE_PX, (1, 2, HEIGHT, WIDTH))
+    constants: dict[str, NDArray[Any]] = {
+        "u": (np.arange(WIDTH) + 0.5 - WIDTH / 2).astype(np.float32),
+        "v": (np.arange(HEIGHT) + 0.5 - HEIGHT / 2).astype(np.float32)[:, None],
+        "per_width": np.array(2.0 / WIDTH, np.float32),
+        "per_height": np.array(2.0 / HEIGHT, np.float32),
+        "garbage": garbage.astype(np.float32),
+        "shares": np.array([what.value for what in Misbehaviour], np.float32),
+        "trips": np.array([_TRIPS.get(what, 0) for what in Misbehaviour], np.int64),
+    }
+    model.graph.initializer.extend(
+        numpy_helper.from_array(values, name) for name, values in constants.items()
+    )
     onnx.checker.check_model(model)
     return model
 

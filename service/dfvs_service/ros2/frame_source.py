@@ -22,7 +22,7 @@ from dfvs_core.messages.ros2 import (
 from dfvs_service.frames import RawSample
 from dfvs_service.ros2.camera_info import camera_of
 from dfvs_service.ros2.images import Pixels, from_compressed, from_image
-from dfvs_service.ros2.messages import decode
+from dfvs_service.ros2.messages import decode, typestore
 from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000
@@ -91,6 +91,7 @@ class Ros2FrameSource:
         clock: bytes,
         clocks: Callable[[], ClockReading] = read_clocks,
     ) -> None:
+        typestore()  # takes its time to load: before the first frame
         self._is_compressed = section.compressed
         self._type_name = COMPRESSED_IMAGE if section.compressed else IMAGE
         self._clock = clock

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import threading
 import time
 from collections.abc import Mapping
@@ -10,11 +9,11 @@ from typing import Any
 
 import zenoh
 
+from dfvs_common.ros2 import Ros2Publisher
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import decode_header
-from dfvs_core.messages.ros2 import Ros2Attachment, Ros2Link, Ros2Node, Ros2Topic
+from dfvs_core.messages.ros2 import Ros2Link, Ros2Node, Ros2Topic
 from dfvs_core.messages.topics import Topics
-from dfvs_service.ros2.messages import encode, type_hash
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
     IMAGE,
@@ -25,45 +24,6 @@ from dfvs_service.ros2.telemetry import (
 )
 
 log = logging.getLogger("dfvs.ros2")
-
-
-class Ros2Publisher:
-    """A ROS 2 publisher of one topic: key, attachment and, for rmw_zenoh, its announcement.
-
-    Parameters
-    ----------
-    session : zenoh.Session
-        Of the ROS 2 side.
-    link : {"rmw", "bridge"}
-    topic : Ros2Topic
-    node : Ros2Node
-        Who publishes.
-    entity : int
-        Number of the publisher in its node, from 1.
-    """
-
-    def __init__(
-        self, session: zenoh.Session, link: Ros2Link, topic: Ros2Topic, node: Ros2Node, entity: int
-    ) -> None:
-        self.topic = topic
-        self._is_rmw = link == "rmw"
-        self._gid = os.urandom(16)
-        self._seq = 0
-        type_ = type_hash(topic.type_name)
-        self._publisher = session.declare_publisher(
-            topic.key(link, type_), congestion_control=zenoh.CongestionControl.DROP
-        )
-        self._token: zenoh.LivelinessToken | None = None
-        if self._is_rmw:
-            token = node.publisher_token(topic, type_, entity)
-            self._token = session.liveliness().declare_token(token)
-
-    def put(self, message: object, stamp_ns: int) -> None:
-        """Publish a message with its wall-clock time."""
-        self._seq += 1
-        attachment = Ros2Attachment(self._seq, stamp_ns, self._gid).encode()
-        data = encode(self.topic.type_name, message)
-        self._publisher.put(data, attachment=attachment if self._is_rmw else None)
 
 
 class Relay:

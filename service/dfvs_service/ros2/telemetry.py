@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_service.ros2.messages import make
+from dfvs_service.ros2.messages import header, make
 
 TWIST = "geometry_msgs/msg/TwistStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -23,7 +23,6 @@ _LEVELS = {
     "DONE": _OK,
     "ABORT": _ERROR,
 }
-_NS = 1_000_000_000
 _SERVO_VALUES = (
     "error_m",
     "error_spread_m",
@@ -40,12 +39,6 @@ _SERVO_VALUES = (
 )
 _VELOCITY_ERROR = {"forward": 1.0, "left": -1.0, "up": -1.0}
 """Axes of ROS, and their sign in our axes."""
-
-
-def header(stamp_ns: int, frame: str) -> Any:
-    """Header with a wall-clock time."""
-    stamp = make("builtin_interfaces/msg/Time", *divmod(stamp_ns, _NS))
-    return make("std_msgs/msg/Header", stamp, frame)
 
 
 def setpoint_message(state: Mapping[str, Any], stamp_ns: int) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol, TextIO
 
+from dfvs_common.progress import StatusLine
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
@@ -57,26 +58,21 @@ class LiveLine:
     def __init__(self, stream: TextIO, width: int) -> None:
         self._stream = stream
         self._width = width
-        self._drawn = False
+        self._line = StatusLine(stream)
 
     def show(self, heartbeat: Heartbeat) -> None:
         """Rewrite the line."""
-        self._stream.write(f"\r\x1b[K{describe(heartbeat)[: self._width - 1]}")
-        self._stream.flush()
-        self._drawn = True
+        self._line.show(describe(heartbeat)[: self._width - 1])
 
     def log(self, line: str) -> None:
         """Print a line above."""
-        self._stream.write(f"\r\x1b[K{line}\n" if self._drawn else f"{line}\n")
+        self._line.clear()
+        self._stream.write(f"{line}\n")
         self._stream.flush()
-        self._drawn = False
 
     def close(self) -> None:
         """End the line."""
-        if self._drawn:
-            self._stream.write("\n")
-            self._stream.flush()
-        self._drawn = False
+        self._line.end()
 
 
 class ChangeLines:

@@ -1,7 +1,5 @@
 """The mock camera as a ROS 2 driver would publish it: Image or CompressedImage, and CameraInfo."""
 
-import functools
-import os
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +7,14 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from dfvs_core.errors import ConfigError
+from dfvs_common import ros2
+from dfvs_common.ros2 import Ros2Publisher, make
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
 from dfvs_core.messages.ros2 import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,
-    Ros2Attachment,
     Ros2Link,
     Ros2Node,
     Ros2Topic,
@@ -26,27 +24,6 @@ NODE = "dfvs_sim_camera"
 FRAME_ID = "camera_optical"
 _ENCODINGS = {PixelFormat.RGB8: ("rgb8", 3), PixelFormat.MONO8: ("mono8", 1)}
 _COMPRESSED = {PixelFormat.JPEG: "jpeg", PixelFormat.PNG: "png"}
-_NS = 1_000_000_000
-
-
-@functools.cache
-def _types() -> Any:
-    """Message definitions of rosbags, which is needed for ROS 2 alone.
-
-    Raises
-    ------
-    ConfigError
-        If it is not installed.
-    """
-    try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ConfigError(
-            f"ROS 2 messages cannot be written ({error})",
-            "the package rosbags",
-            "install it with: pip install 'dfvs[ros]'",
-        ) from error
-    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +50,7 @@ class Ros2CameraConfig:
         return Ros2Topic(f"{self.camera_name}/camera_info", CAMERA_INFO, self.domain)
 
 
-class Ros2Publisher:
+class Ros2Camera:
     """Takes the mock camera's frames and publishes them as ROS 2 messages.
 
     Parameters
@@ -89,65 +66,38 @@ class Ros2Publisher:
 
     def __init__(self, session: zenoh.Session, config: Ros2CameraConfig) -> None:
         self._config = config
-        self._gid = os.urandom(16)
-        hashes = {t.type_name: _types().hash_rihs01(t.type_name) for t in self._topics()}
-        self._publishers = {
-            topic.type_name: session.declare_publisher(
-                topic.key(config.link, hashes[topic.type_name]),
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
-            for topic in self._topics()
-        }
-        self._tokens = []
-        if config.link == "rmw":
-            node = Ros2Node(str(session.zid()), NODE, config.domain)
-            keys = [node.token()]
-            for entity, topic in enumerate(self._topics(), start=1):
-                keys.append(node.publisher_token(topic, hashes[topic.type_name], entity))
-            self._tokens = [session.liveliness().declare_token(key) for key in keys]
-
-    def _topics(self) -> tuple[Ros2Topic, Ros2Topic]:
-        return self._config.image, self._config.info
+        node = Ros2Node(str(session.zid()), NODE, config.domain)
+        self._image, self._info = (
+            Ros2Publisher(session, config.link, topic, node, entity)
+            for entity, topic in enumerate((config.image, config.info), start=1)
+        )
+        is_rmw = config.link == "rmw"
+        self._token = session.liveliness().declare_token(node.token()) if is_rmw else None
 
     def publish(self, payload: bytes, attachment: bytes, _encoding: str) -> None:
         """Publish a frame that comes in our own wire format."""
         header = decode_header(attachment)
         stamp_ns = header.t_capture_ns + time.time_ns() - time.monotonic_ns()
-        ros_header = _header(stamp_ns)
+        ros_header = ros2.header(stamp_ns, FRAME_ID)
         if header.pixel_format in _COMPRESSED:
             message = _compressed(ros_header, header, payload)
         else:
             message = _image(ros_header, header, payload)
-        self._put(self._config.image, message, header.seq, stamp_ns)
+        self._image.put(message, stamp_ns, header.seq)
         info = _camera_info(ros_header, self._config.camera)
-        self._put(self._config.info, info, header.seq, stamp_ns)
-
-    def _put(self, topic: Ros2Topic, message: Any, seq: int, stamp_ns: int) -> None:
-        data = bytes(_types().serialize_cdr(message, topic.type_name))
-        is_rmw = self._config.link == "rmw"
-        attachment = Ros2Attachment(seq, stamp_ns, self._gid).encode() if is_rmw else None
-        self._publishers[topic.type_name].put(data, attachment=attachment)
-
-
-def _make(type_name: str, *fields: Any) -> Any:
-    return _types().types[type_name](*fields)
-
-
-def _header(stamp_ns: int) -> Any:
-    stamp = _make("builtin_interfaces/msg/Time", *divmod(stamp_ns, _NS))
-    return _make("std_msgs/msg/Header", stamp, FRAME_ID)
+        self._info.put(info, stamp_ns, header.seq)
 
 
 def _image(ros_header: Any, header: FrameHeader, payload: bytes) -> Any:
     encoding, channels = _ENCODINGS[header.pixel_format]
     pixels = np.frombuffer(payload, np.uint8)
     step = header.width * channels
-    return _make(IMAGE, ros_header, header.height, header.width, encoding, 0, step, pixels)
+    return make(IMAGE, ros_header, header.height, header.width, encoding, 0, step, pixels)
 
 
 def _compressed(ros_header: Any, header: FrameHeader, payload: bytes) -> Any:
     kind = f"rgb8; {_COMPRESSED[header.pixel_format]} compressed bgr8"
-    return _make(COMPRESSED_IMAGE, ros_header, kind, np.frombuffer(payload, np.uint8))
+    return make(COMPRESSED_IMAGE, ros_header, kind, np.frombuffer(payload, np.uint8))
 
 
 def _camera_info(ros_header: Any, camera: CameraModel) -> Any:
@@ -156,8 +106,8 @@ def _camera_info(ros_header: Any, camera: CameraModel) -> Any:
     p = np.insert(k, [3, 6, 9], 0.0)
     model = "rational_polynomial" if len(camera.distortion) == 8 else "plumb_bob"
     d = np.array(camera.distortion or (0.0,) * 5)
-    whole = _make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    whole = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
     r = np.eye(3).reshape(-1)
-    return _make(
+    return make(
         CAMERA_INFO, ros_header, camera.height, camera.width, model, d, k, r, p, 0, 0, whole
     )

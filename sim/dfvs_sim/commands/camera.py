@@ -18,7 +18,7 @@ from dfvs_core.messages.frame import FORMAT_NAMES
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish, zenoh_publisher
-from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
+from dfvs_sim.camera.ros2 import Ros2Camera, Ros2CameraConfig
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.ground.sharing import DEFAULT_PORT, LinkSharing
@@ -112,7 +112,7 @@ def _publisher(
         return zenoh_publisher(session, args.vehicle), Topics(args.vehicle).camera
     name = f"{args.vehicle}/camera"
     ros2 = Ros2CameraConfig(args.ros2, config.camera, config.pixel_format, name)
-    return Ros2Publisher(session, ros2).publish, ros2.image.key(args.ros2)
+    return Ros2Camera(session, ros2).publish, ros2.image.key(args.ros2)
 
 
 def _origin(text: str) -> FloatArray:

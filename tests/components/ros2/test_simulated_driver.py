@@ -13,7 +13,7 @@ from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_he
 from dfvs_service.frames import RawSample
 from dfvs_service.ros2.frame_source import Ros2FrameSource
 from dfvs_service.settings.camera_section import Ros2CameraSection
-from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
+from dfvs_sim.camera.ros2 import Ros2Camera, Ros2CameraConfig
 
 CAMERA = CameraModel(64, 48, 50.0, 51.0, 32.5, 24.0, (0.1, -0.2, 0.01, 0.02, 0.0))
 CLOCK = b"c" * 16
@@ -35,7 +35,7 @@ def sessions():
 def test_what_the_driver_sends_is_the_frame_that_was_taken(sessions, rng, link, pixel_format):
     service, driver = sessions
     config = Ros2CameraConfig(link, CAMERA, pixel_format, "nose/camera", domain=7)
-    publisher = Ros2Publisher(driver, config)
+    publisher = Ros2Camera(driver, config)
     compressed = pixel_format in (PixelFormat.PNG, PixelFormat.JPEG)
     section = Ros2CameraSection(config.image.name, compressed, domain=7)
     intake = Ros2FrameSource(link, section, CLOCK)

@@ -106,6 +106,7 @@ def test_without_a_terminal_every_change_of_state_is_a_line():
 
 def test_a_terminal_gets_one_line_that_is_rewritten():
     stream = io.StringIO()
+    stream.isatty = lambda: True
     display = LiveLine(stream, 20)
     display.show(SERVO)
     display.log("warning: x")

@@ -8,7 +8,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.ros2 import Ros2Link
 from dfvs_sim.camera.mock import Publish, zenoh_publisher
-from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
+from dfvs_sim.camera.ros2 import Ros2Camera, Ros2CameraConfig
 
 CAMERAS = ("dfvs", "ros2-rmw", "ros2-bridge")
 _ROS2: dict[str, tuple[Ros2Link, PixelFormat]] = {
@@ -41,7 +41,7 @@ class CameraLink:
         """What takes the camera's frames."""
         if self.ros2 is None:
             return zenoh_publisher(session, self.vehicle)
-        return Ros2Publisher(session, self.ros2).publish
+        return Ros2Camera(session, self.ros2).publish
 
 
 def camera_link(name: str, vehicle: str, camera: CameraModel) -> CameraLink:
