@@ -43,15 +43,15 @@ docs: .venv/.stamp-test
 # (marker real_time; tests/conftest.py keeps apart those that compute), or alone (serial).
 # The gate's own tests run under "coverage".
 IN_PARALLEL := --dist loadscope --no-loadscope-reorder
-WITH_PROCESSES := tests/components tests/harness
+MARKED = $$(grep -rl --include='*.py' 'mark\.$(1)' tests/components tests/harness)
 
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
 	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial" \
 	    --ignore tests/unit/gate --durations=40
-	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial" $(WITH_PROCESSES) --durations=15
-	$(BIN)/python -m pytest -m serial $(WITH_PROCESSES) --durations=15
+	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial" $(call MARKED,real_time) --durations=15
+	$(BIN)/python -m pytest -m serial $(call MARKED,serial) --durations=15
 else
 	$(BIN)/python -m pytest $(ARGS)
 endif
