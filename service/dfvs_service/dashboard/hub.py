@@ -66,8 +66,12 @@ class Hub:
         self._publish_subscriptions()
 
     def watch(self, outbox: Outbox, vehicle: str) -> None:
-        """Have a browser watch a vehicle: everything known of it is left in its outbox."""
-        if (model := self._models.get(vehicle)) is None:
+        """Have a browser watch a vehicle: everything known of it is left in its outbox, once.
+
+        A vehicle that is not known is passed over: the browser asks anew once it is listed.
+        """
+        model = self._models.get(vehicle)
+        if model is None or self._watchers.get(outbox) == vehicle:
             return
         self._watchers[outbox] = vehicle
         outbox.forget()

@@ -113,6 +113,15 @@ def test_a_vehicle_that_does_not_exist_cannot_be_watched(rig):
     assert rig.watched in ([], [frozenset()])
 
 
+def test_a_vehicle_that_is_watched_already_is_not_told_from_the_start_again(rig):
+    rig.state("swift")
+    outbox = rig.browser("swift")
+    take(outbox)
+    rig.hub.watch(outbox, "swift")
+    rig.state("swift", "HOLD")
+    assert "history" not in take(outbox)[0]
+
+
 def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
     rig.state("swift")
     outbox = rig.browser("swift")
