@@ -92,4 +92,6 @@ def _read(arrival: Arrival) -> Sample | None:
         return unpack(arrival)
     except DfvsError as error:
         log.debug("%s of %r dropped: %s", arrival.stream, arrival.vehicle, error)
-        return None
+    except Exception:  # one arrival must not end the thread that reads all of them
+        log.exception("%s of %r dropped", arrival.stream, arrival.vehicle)
+    return None

@@ -90,6 +90,9 @@ class Hub:
             except DfvsError as error:
                 self.refused += 1
                 log.debug("%s of %r not read: %s", sample.stream, sample.vehicle, error)
+            except Exception:  # one sample must not cost the rest of its batch
+                self.refused += 1
+                log.exception("%s of %r not read", sample.stream, sample.vehicle)
 
     def tick(self, extra: Update) -> None:
         """Send vehicles and links to everybody; to be called once or twice a second."""

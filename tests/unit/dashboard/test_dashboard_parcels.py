@@ -5,7 +5,13 @@ import pytest
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame import (
+    Frame,
+    FrameHeader,
+    PixelFormat,
+    encode_frame,
+    encode_header,
+)
 from dfvs_core.messages.image import decode_image, encode_png
 from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
 from dfvs_service.dashboard.outbox import ImageKind
@@ -49,6 +55,11 @@ def test_documents_are_read_from_json():
     assert (parcel.vehicle, parcel.stream, parcel.content) == ("a", "state", {"x": 1})
 
 
+NO_PIXELS = FrameHeader(0, 0, PixelFormat.RGB8, 1, 123, checksum=0)
+NO_PIXELS_JPEG = b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x00\x00\x00" + bytes(12)
+NO_PIXELS_IN_JPEG = FrameHeader(0, 0, PixelFormat.JPEG, 1, 123, checksum=0)
+
+
 def hostile():
     jpeg, jpeg_header = encode_frame(frame(), PixelFormat.JPEG)
     _, small_header = encode_frame(frame(32, 24), PixelFormat.JPEG)
@@ -58,6 +69,8 @@ def hostile():
         "PNG that says it is a JPEG": ("camera", encode_png(frame().image), jpeg_header),
         "nothing": ("camera", b"", jpeg_header),
         "no attachment": ("camera", jpeg, b""),
+        "raw frame of no pixels": ("camera", b"", encode_header(NO_PIXELS)),
+        "JPEG of no pixels": ("camera", NO_PIXELS_JPEG, encode_header(NO_PIXELS_IN_JPEG)),
         "raw frame cut short": ("goal", raw[:-1], raw_header),
         "raw frame changed": ("goal", b"\x00" + raw[1:], raw_header),
         "no grid": ("flow", b"DFVO" + bytes(30), b""),

@@ -87,6 +87,13 @@ def test_the_flown_yaw_rate_is_between_two_states_that_follow_closely(yaw, after
     assert flown[3] == (rate if rate is None else pytest.approx(rate, abs=1e-3))
 
 
+def test_a_velocity_beyond_all_floats_is_unknown_and_spoils_no_history():
+    model = VehicleModel("a")
+    fast = dataclasses.replace(VEHICLE, velocity_m_s=(1.7e308, 1.7e308, 0.0), yaw_rad=0.8)
+    assert path_row(model, fast)["flown"][0] is None
+    json.dumps(model.history(), allow_nan=False)
+
+
 def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
     model = VehicleModel("a")
     model.on_document("state", status(), NOW)
@@ -142,6 +149,9 @@ def test_what_is_no_finite_number_reaches_nobody(value):
         ("state", {"state": "SERVO"}),
         ("state", []),
         ("state", status() | {"battery": float("nan")}),
+        ("state", status() | {"battery": 10**400}),
+        ("state", status() | {"t_ns": 10**400}),
+        ("state", status() | {"vehicle": dump(VEHICLE) | {"t_ns": -(10**400)}}),
         ("servo", 3),
         ("servo", {}),
         ("servo", servo(t_ns="now")),

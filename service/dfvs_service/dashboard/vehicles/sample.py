@@ -91,8 +91,8 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     """
     header = decode_header(attachment)
     width, height = header.width, header.height
-    if width * height > MAX_IMAGE_PIXELS:
-        raise WireError(f"frame of {width} x {height} px", f"at most {MAX_IMAGE_PIXELS} px in all")
+    if width < 1 or height < 1 or width * height > MAX_IMAGE_PIXELS:
+        raise WireError(f"frame of {width} x {height} px", f"1 to {MAX_IMAGE_PIXELS} px in all")
     if header.pixel_format is PixelFormat.JPEG:
         if not payload.startswith(b"\xff\xd8") or image_size(payload) != (width, height):
             raise WireError(f"the frame is no JPEG of {width} x {height} px")

@@ -50,6 +50,7 @@ _STATUS_FIELDS = frozenset(field.name for field in dataclasses.fields(GateStatus
 _SECRETS = frozenset({"challenge"})
 _COUNTERS = ("frames", "refused", "overtaken")
 _MOST_STAGES = 32
+_MAX_TIME_NS = 1 << 62
 
 
 class VehicleModel:
@@ -95,6 +96,8 @@ class VehicleModel:
         # A newer service may say more than our schema knows.
         known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
         status = parse(GateStatus, known)
+        for t_ns in (status.t_ns, status.since_ns, status.vehicle.t_ns if status.vehicle else 0):
+            _check_time(t_ns)
         self.rates["state"].note(now.t_ns)
         t_ms = self._clock.wall_ms(status.t_ns, now)
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
@@ -189,7 +192,8 @@ def _path_row(
     """``PATH_COLUMNS`` without the time."""
     cos, sin = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
     north, east, down = vehicle.velocity_m_s
-    flown = [cos * north + sin * east, cos * east - sin * north, down, _yaw_rate(vehicle, before)]
+    forward, right = cos * north + sin * east, cos * east - sin * north
+    flown = _numbers([forward, right, down, _yaw_rate(vehicle, before)])
     angles = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
     return [*vehicle.position_m, *angles, list(setpoint), flown]
 
@@ -204,9 +208,15 @@ def _yaw_rate(vehicle: VehicleState, before: VehicleState | None) -> float | Non
 
 def _time(document: Mapping[str, Any], name: str) -> int:
     value = document.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or abs(value) > 1 << 62:
+    if not isinstance(value, int) or isinstance(value, bool):
         raise WireError(f"servo telemetry has {name} = {value!r}"[:200], "ns as an integer")
+    _check_time(value)
     return value
+
+
+def _check_time(t_ns: int) -> None:
+    if abs(t_ns) > _MAX_TIME_NS:
+        raise WireError(f"a time of {t_ns} ns"[:200], "less than 2**62 ns")
 
 
 def _number(value: object) -> float | None:
