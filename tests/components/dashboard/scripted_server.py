@@ -18,6 +18,8 @@ class ScriptedServer:
 
     def __init__(self, context, *vehicles):
         self.vehicles = vehicles
+        self.accepts = True
+        """Whether a new connection is taken."""
         self.socket = None
         self.tokens = []
         """Of every greeting."""
@@ -34,6 +36,9 @@ class ScriptedServer:
         route.fulfill(body=path.read_bytes(), content_type=kind)
 
     def on_socket(self, socket):
+        if not self.accepts:
+            socket.close(code=1001)
+            return
         self.socket, self.watched = socket, []
         socket.on_message(self.on_message)
 

@@ -2,7 +2,7 @@
 
 import pytest
 from browser_page import CHROMIUM, needs_chromium
-from scripted_server import ScriptedServer
+from scripted_server import TOKEN, ScriptedServer
 
 sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = needs_chromium
@@ -52,3 +52,55 @@ def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
     server.close()
     server.until(lambda: server.watched == ["swift"])
     server.page.wait(WATCHED, "swift")
+
+
+ANSWER = "text => document.getElementById('answer').textContent === text"
+
+
+@pytest.fixture
+def operated(serve):
+    """A server of one vehicle, with an operator who has signed in."""
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.page.sign_in(TOKEN)
+    server.until(lambda: server.watched == ["swift"])
+    return server
+
+
+def test_a_command_without_a_connection_is_called_not_sent(operated):
+    operated.accepts = False
+    operated.socket.close(code=1001)
+    operated.page.page.wait_for_selector("#alarm", state="visible")
+    operated.page.page.keyboard.press("Shift+A")
+    operated.page.wait(ANSWER, "abort NOT sent: no connection")
+    assert operated.page.page.get_attribute("#answer", "data-ok") == "no"
+    assert operated.commands == []
+
+
+def test_a_command_whose_connection_is_lost_is_called_not_answered(operated):
+    operated.page.page.keyboard.press("Shift+H")
+    operated.until(lambda: operated.commands == [("swift", "hold")])
+    operated.page.wait(ANSWER, "hold sent …")
+    operated.close()
+    operated.page.wait(ANSWER, "hold not answered: connection lost")
+
+
+def test_an_answer_stays_when_the_connection_is_lost(operated):
+    operated.page.page.keyboard.press("Shift+H")
+    operated.until(lambda: operated.commands)
+    operated.say(answers=[{"command": "hold", "accepted": True, "text": "accepted: hold"}])
+    operated.page.wait(ANSWER, "accepted: hold")
+    operated.close()
+    operated.page.wait(ANSWER, "accepted: hold")
+
+
+def test_a_goal_without_a_connection_is_called_not_sent(operated):
+    image = {"name": "b.jpg", "mimeType": "image/jpeg", "buffer": b"\xff\xd8"}
+    operated.say(state=operated.state() | {"state": "READY"})
+    operated.page.page.wait_for_selector("#goal:enabled")
+    operated.page.page.set_input_files("#goal-files", [image])
+    operated.accepts = False
+    operated.socket.close(code=1001)
+    operated.page.page.wait_for_selector("#alarm", state="visible")
+    operated.page.page.click("#confirm-ok")
+    operated.page.wait(ANSWER, "goal NOT sent: no connection")

@@ -132,6 +132,7 @@ connection.addEventListener("welcome", ({ detail }) => {
 });
 connection.addEventListener("lost", () => {
   confirmed = "";
+  operator.lost();
   lostSinceMs ??= performance.now();
 });
 connection.addEventListener("denied", ({ detail }) => operator.denied(detail.reason));
