@@ -36,6 +36,8 @@ MAX_PENDING_STOPS = 16
 _STOP_THREADS = 16
 
 CLOSE_DENIED = 4401
+"""The token gives no access: the page forgets it, and does not connect again by itself."""
+CLOSE_TOO_SLOW = 4408
 CLOSE_FULL = 4429
 CLOSE_UNREADABLE = 1003
 CLOSE_TOO_LARGE = 1009
@@ -105,7 +107,7 @@ class ClientSession:
         try:
             hello = await asyncio.wait_for(self._hello(), HELLO_TIMEOUT_S)
         except TimeoutError:
-            await self._socket.close(CLOSE_DENIED, "no greeting came")
+            await self._socket.close(CLOSE_TOO_SLOW, "no greeting came")
             return False
         if hello is None:
             await self._socket.close(CLOSE_TOO_LARGE, "the greeting is too long")

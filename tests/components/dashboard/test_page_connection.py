@@ -104,3 +104,22 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.click("#confirm-ok")
     operated.page.wait(ANSWER, "goal NOT sent: no connection")
+
+
+def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.page.page.click("#sign")
+    server.page.page.fill("#token", "mistyped")
+    server.page.page.keyboard.press("Enter")
+    server.until(lambda: server.tokens[-1] == "mistyped")
+    server.page.wait("() => document.getElementById('sign-why').textContent.includes('wrong')")
+    server.page.page.click("#sign-dialog [data-close]")
+    server.until(lambda: server.tokens[-1] == "")
+    server.until(lambda: server.watched == ["swift"])
+
+
+def test_a_page_that_was_too_slow_to_greet_connects_again_with_its_token(operated):
+    operated.close(code=4408, reason="no greeting came")
+    assert operated.tokens[-1] == TOKEN
+    assert not operated.page.page.is_visible("#sign-dialog")

@@ -8,6 +8,7 @@ import pytest
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.commands.command import Command, encode_command
 from dfvs_core.gate.events import Action
+from dfvs_service.dashboard import client_session
 from dfvs_service.dashboard.client_session import AppContext, ClientSession
 from dfvs_service.dashboard.command_queue import CommandQueue
 from dfvs_service.dashboard.hub import Hub
@@ -108,6 +109,27 @@ def test_a_stop_is_not_held_up_by_commands_that_wait_for_their_answers():
 def test_a_page_cannot_flood_the_server_with_stops():
     commands = [command("abort", f"v{i}") for i in range(ALL)]
     assert len(refused(*commands, wanted=ALL - 32)) >= ALL - 32
+
+
+class SilentSocket:
+    """A browser that never greets."""
+
+    async def accept(self):
+        pass
+
+    async def receive(self):
+        await asyncio.Event().wait()
+
+    async def close(self, code, reason):
+        self.closed = code, reason
+
+
+def test_a_page_that_is_too_slow_to_greet_is_not_told_that_its_token_is_wrong(monkeypatch):
+    monkeypatch.setattr(client_session, "HELLO_TIMEOUT_S", 0.01)
+    hub, socket = Hub(lambda: Moment(0, 0.0), lambda _: None), SilentSocket()
+    context = AppContext(hub, Tokens(operator=b"t" * 20), None, lambda: Moment(0, 0.0))
+    asyncio.run(ClientSession(socket, context).serve())
+    assert socket.closed == (4408, "no greeting came")
 
 
 def queue_at(authority, actions):

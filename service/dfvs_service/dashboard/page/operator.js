@@ -13,6 +13,8 @@ export class Operator {
   #vehicle = "";
   #state = null;
   #isSignedIn = false;
+  /** Whether a token was refused, and the page waits for what the user does. */
+  #isRefused = false;
   /** Names of the commands that were sent on this connection and not answered yet. */
   #unanswered = [];
   #onConfirmed = () => {};
@@ -53,6 +55,7 @@ export class Operator {
 
   /** The server let nobody in with this token. */
   denied(reason) {
+    this.#isRefused = keptToken() !== "";
     sessionStorage.removeItem(KEPT_TOKEN);
     this.ask(reason);
   }
@@ -163,9 +166,12 @@ export class Operator {
   #signIn() {
     const token = byId("token").value.trim();
     byId("token").value = "";
-    if (byId("sign-dialog").returnValue !== "ok" || !token) return;
-    sessionStorage.setItem(KEPT_TOKEN, token);
-    this.#connection.signIn(token);
+    const isGiven = byId("sign-dialog").returnValue === "ok" && token !== "";
+    // Without another token the page goes on as one that may only look.
+    if (!isGiven && !this.#isRefused) return;
+    this.#isRefused = false;
+    if (isGiven) sessionStorage.setItem(KEPT_TOKEN, token);
+    this.#connection.signIn(isGiven ? token : "");
   }
 
   #signOut() {
