@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
@@ -34,10 +35,13 @@ class Hub:
         The present moment.
     on_watch : callable
         Called with the vehicles that are watched by anybody, whenever they change.
+    local_clock : bytes
+        Identity of this machine's monotonic clock.
     """
 
-    def __init__(self, clock: Clock, on_watch: Watch) -> None:
+    def __init__(self, clock: Clock, on_watch: Watch, local_clock: bytes = NO_CLOCK) -> None:
         self._clock = clock
+        self._local_clock = local_clock
         self._on_watch = on_watch
         self._models: dict[str, VehicleModel] = {}
         self._images: dict[str, dict[ImageKind, bytes]] = {}
@@ -108,7 +112,7 @@ class Hub:
         if vehicle not in self._models:
             if len(self._models) >= MAX_VEHICLES:
                 return None
-            self._models[vehicle] = VehicleModel(vehicle)
+            self._models[vehicle] = VehicleModel(vehicle, self._local_clock)
         return self._models[vehicle]
 
     def _read(self, sample: Sample) -> None:

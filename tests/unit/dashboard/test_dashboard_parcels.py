@@ -50,6 +50,11 @@ def test_a_flow_grid_is_passed_on():
     assert (picture.kind, picture.t_ns, picture.data) == (ImageKind.FLOW, 99, data)
 
 
+def test_a_frame_tells_by_whose_clock_it_was_stamped():
+    payload, attachment = encode_frame(frame(), PixelFormat.JPEG, b"c" * 16)
+    assert unpack(Arrival("a", "goal", payload, attachment)).content.clock == b"c" * 16
+
+
 def test_documents_are_read_from_json():
     parcel = unpack(Arrival("a", "state", json.dumps({"x": 1}).encode(), b""))
     assert (parcel.vehicle, parcel.stream, parcel.content) == ("a", "state", {"x": 1})

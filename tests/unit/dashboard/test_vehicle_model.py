@@ -5,6 +5,7 @@ import math
 import pytest
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.outbox import ImageKind
@@ -12,6 +13,7 @@ from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage
 from dfvs_service.dashboard.vehicles.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleModel
 
+OURS = b"o" * 16
 MS = 1_000_000
 NOW = Moment(10_000 * MS, 1_000_000.0)
 VEHICLE = VehicleState(9_990 * MS, 0.0, 0.0, 0.5, (0.3, 0.4, 0.0), (1.0, 2.0, -1.5))
@@ -181,6 +183,33 @@ def test_the_history_of_results_is_thinned_to_ten_a_second():
     for i in range(100):
         model.on_document("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
     assert len(model.history()["history"]["servo"]) == 34
+
+
+def kept_goal(sent_ns, clock=NO_CLOCK):
+    return BrowserImage(ImageKind.GOAL, sent_ns, 0, b"jpeg", clock)
+
+
+@pytest.mark.parametrize("clock", [NO_CLOCK, OURS])
+def test_a_goal_that_was_kept_for_long_leaves_the_age_of_states_exact(clock):
+    model = VehicleModel("a", OURS)
+    model.on_image("goal", kept_goal(NOW.t_ns - 60_000 * MS, clock), NOW)
+    later = Moment(NOW.t_ns + 12_000 * MS, NOW.wall_ms + 12_000)
+    for now, age_ms in ((NOW, 10), (later, 12_010)):
+        state = model.on_document("state", status(), now)["state"]
+        assert now.wall_ms - state["t_ms"] == pytest.approx(age_ms)
+    assert model.link_update(later)["link"]["is_foreign_clock"] is False
+
+
+def test_the_goal_s_clock_is_the_service_s_whatever_the_camera_says():
+    model = VehicleModel("a", OURS)
+    camera = BrowserImage(ImageKind.VIEW, NOW.t_ns, 1, b"jpeg", b"t" * 16)
+    for stream, image, is_foreign in (
+        ("camera", camera, True),
+        ("goal", kept_goal(NOW.t_ns, OURS), False),
+        ("camera", camera, False),
+    ):
+        model.on_image(stream, image, NOW)
+        assert model.link_update(NOW)["link"]["is_foreign_clock"] is is_foreign
 
 
 def test_links_tell_rate_age_and_loss_of_the_camera():

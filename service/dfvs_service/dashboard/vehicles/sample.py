@@ -8,7 +8,13 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_frame, decode_header
+from dfvs_core.messages.frame import (
+    NO_CLOCK,
+    FrameHeader,
+    PixelFormat,
+    decode_frame,
+    decode_header,
+)
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.dashboard.outbox import ImageKind
@@ -30,12 +36,13 @@ class Arrival:
 
 @dataclass(frozen=True, slots=True)
 class BrowserImage:
-    """JPEG, or flow grid, with the monotonic time of its capture and its number."""
+    """JPEG, or flow grid, with the monotonic time of its capture, its number, and whose clock."""
 
     kind: ImageKind
     t_ns: int
     seq: int
     data: bytes
+    clock: bytes = NO_CLOCK
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +72,7 @@ def _content(arrival: Arrival) -> BrowserImage | Any:
     if arrival.stream in ("camera", "goal"):
         header, jpeg = browser_jpeg(arrival.payload, arrival.attachment)
         kind = ImageKind.GOAL if arrival.stream == "goal" else ImageKind.VIEW
-        return BrowserImage(kind, header.t_capture_ns, header.seq, jpeg)
+        return BrowserImage(kind, header.t_capture_ns, header.seq, jpeg, header.clock)
     if len(arrival.payload) > MAX_DOCUMENT_BYTES:
         raise WireError(
             f"document of {len(arrival.payload)} bytes", f"at most {MAX_DOCUMENT_BYTES}"

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dfvs_core.errors import WireError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump, parse
 from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
@@ -60,13 +61,15 @@ class VehicleModel:
     ----------
     name : str
         Of the vehicle.
+    local_clock : bytes
+        Identity of this machine's monotonic clock.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, local_clock: bytes = NO_CLOCK) -> None:
         self.name = name
         self.status: GateStatus | None = None
         self.rates = {stream: StreamRate() for stream in ("camera", "servo", "state", "flow")}
-        self._clock = SenderClock()
+        self._clock = SenderClock(local_clock)
         self._vehicle: VehicleState | None = None
         self._newest: Update = {}
         self._servo: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
@@ -99,6 +102,7 @@ class VehicleModel:
         for t_ns in (status.t_ns, status.since_ns, status.vehicle.t_ns if status.vehicle else 0):
             _check_time(t_ns)
         self.rates["state"].note(now.t_ns)
+        self._clock.on_state(status.t_ns, now.t_ns)
         t_ms = self._clock.wall_ms(status.t_ns, now)
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
         shown["t_ms"] = t_ms
@@ -124,6 +128,7 @@ class VehicleModel:
         """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
         self.rates["servo"].note(now.t_ns)
+        self._clock.on_message(t_capture_ns, now.t_ns)
         row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
         row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
         row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
@@ -161,6 +166,11 @@ class VehicleModel:
         if stream in self.rates:
             seq = image.seq if stream == "camera" else None
             self.rates[stream].note(now.t_ns, len(image.data), seq)
+        # The service refuses frames that its own clock did not stamp: the goal's counts for both.
+        if stream == "goal" or not self._clock.is_identified:
+            self._clock.identify(image.clock)
+        if stream != "goal":  # it was stamped when the service took it up, and is kept since
+            self._clock.on_message(image.t_ns, now.t_ns)
         return self._clock.wall_ms(image.t_ns, now)
 
     def link_update(self, now: Moment) -> Update:
