@@ -120,7 +120,7 @@ class Hub:
         if model is None:
             return
         if isinstance(sample.content, BrowserImage):
-            t_ms = model.on_image(sample.stream, sample.content, now)
+            t_ms = model.on_image(sample.stream, sample.content, now, sample.replaced)
             message = encode_image_message(sample.content.kind, t_ms, sample.content.data)
             self._images.setdefault(model.name, {})[sample.content.kind] = message
             self._show(model.name, sample.content.kind, message)

@@ -26,12 +26,16 @@ MAX_VIEW_WIDTH = 960
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """One sample as it came: whose, of which stream, payload and attachment."""
+    """One sample as it came: whose, of which stream, payload and attachment.
+
+    ``replaced`` counts the arrivals of its stream, directly before it, that nobody has read.
+    """
 
     vehicle: str
     stream: str
     payload: bytes
     attachment: bytes
+    replaced: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +51,12 @@ class BrowserImage:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """An arrival that could be read: an image, or a document from JSON."""
+    """An arrival that could be read: an image, or a document from JSON; ``replaced`` as there."""
 
     vehicle: str
     stream: str
     content: BrowserImage | Any
+    replaced: int = 0
 
 
 def unpack(arrival: Arrival) -> Sample:
@@ -62,7 +67,7 @@ def unpack(arrival: Arrival) -> Sample:
     DfvsError
         If it is not what its stream should carry.
     """
-    return Sample(arrival.vehicle, arrival.stream, _content(arrival))
+    return Sample(arrival.vehicle, arrival.stream, _content(arrival), arrival.replaced)
 
 
 def _content(arrival: Arrival) -> BrowserImage | Any:

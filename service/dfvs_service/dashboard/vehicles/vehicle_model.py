@@ -161,11 +161,14 @@ class VehicleModel:
         }
         return {"settings": self._newest["settings"]}
 
-    def on_image(self, stream: str, image: BrowserImage, now: Moment) -> float:
-        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
+    def on_image(self, stream: str, image: BrowserImage, now: Moment, replaced: int = 0) -> float:
+        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms.
+
+        ``replaced`` images directly before it came, but were not read.
+        """
         if stream in self.rates:
             seq = image.seq if stream == "camera" else None
-            self.rates[stream].note(now.t_ns, len(image.data), seq)
+            self.rates[stream].note(now.t_ns, len(image.data), seq, replaced)
         # The service refuses frames that its own clock did not stamp: the goal's counts for both.
         if stream == "goal" or not self._clock.is_identified:
             self._clock.identify(image.clock)
