@@ -150,16 +150,34 @@ def _unfolded_bytes(inflater: zlib._Decompress, part: bytes, most: int) -> int:
 
 
 def encode_jpeg(image: ImageArray, quality: int = 90) -> bytes:
-    """JPEG of an image (H, W, 3) uint8 RGB; quality 1 to 100."""
-    ok, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not ok:
-        raise ImageError(f"an image of shape {image.shape} cannot be encoded as JPEG")
-    return bytes(data)
+    """JPEG of an image (H, W, 3) uint8 RGB; quality 1 to 100.
+
+    Raises
+    ------
+    ImageError
+        If the image cannot be encoded, as one of no pixels.
+    """
+    return _encode("JPEG", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def encode_png(image: ImageArray) -> bytes:
-    """PNG of an image (H, W, 3) uint8 RGB."""
-    ok, data = cv2.imencode(".png", image[:, :, ::-1])
+    """PNG of an image (H, W, 3) uint8 RGB.
+
+    Raises
+    ------
+    ImageError
+        If the image cannot be encoded, as one of no pixels.
+    """
+    return _encode("PNG", image, [])
+
+
+def _encode(kind: str, image: ImageArray, parameters: list[int]) -> bytes:
+    try:
+        ok, data = cv2.imencode(f".{kind.lower()}", image[:, :, ::-1], parameters)
+    except cv2.error as error:
+        raise ImageError(
+            f"an image of shape {image.shape} cannot be encoded as {kind} ({error.err})"
+        ) from error
     if not ok:
-        raise ImageError(f"an image of shape {image.shape} cannot be encoded as PNG")
+        raise ImageError(f"an image of shape {image.shape} cannot be encoded as {kind}")
     return bytes(data)

@@ -261,9 +261,13 @@ def _check_choice(choices: tuple[Any, ...], value: object, where: str) -> None:
 
 def _convert_scalar(hint: Any, value: object, where: str) -> Any:
     if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
-        if not math.isfinite(value):
+        try:
+            number = float(value)
+        except OverflowError as error:
+            raise ConfigError(f"{where} is too large", "a finite number") from error
+        if not math.isfinite(number):
             raise ConfigError(f"{where} = {value!r}", "a finite number")
-        return float(value)
+        return number
     if hint is Any or (isinstance(value, hint) and not (hint is int and isinstance(value, bool))):
         return value
     raise ConfigError(f"{where} = {value!r} is {type(value).__name__}", _title(hint))

@@ -36,6 +36,11 @@ def test_a_dumped_document_parses_to_the_same_value():
     assert parse(Outer, dump(value)) == value
 
 
+def test_an_integer_beyond_all_floats_is_refused_where_a_float_is_wanted():
+    with pytest.raises(ConfigError, match="a finite number"):
+        parse(Outer, {"count": 1, "maybe": 10**400})
+
+
 @dataclass(frozen=True)
 class Renamed:
     strength: float = setting(0.5, "strength", formerly="gaim")

@@ -12,6 +12,7 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
+from dfvs_common.clock import local_clock
 from dfvs_service.dashboard.async_bridge import AsyncBridge
 from dfvs_service.dashboard.client_session import AppContext, ClientSession
 from dfvs_service.dashboard.command_queue import CommandQueue
@@ -44,7 +45,7 @@ class Dashboard:
 
     def __init__(self, settings: DashboardSettings, clock: Clock = present_moment) -> None:
         self.address = settings.address
-        self.hub = Hub(clock, self._watch)
+        self.hub = Hub(clock, self._watch, local_clock())
         self._reached_by: dict[str, ZenohSection] = {}
         key = settings.command_key
         command_queue = None if key is None else CommandQueue(key, self._reached_by.get)

@@ -5,6 +5,7 @@ newer ones while they wait here.
 """
 
 import asyncio
+import dataclasses
 import logging
 import threading
 from collections import deque
@@ -48,7 +49,10 @@ class AsyncBridge:
         """Take an arrival, on any thread; returns at once."""
         with self._condition:
             if arrival.stream in SHOWN:
-                self._images[arrival.vehicle, arrival.stream] = arrival
+                key = arrival.vehicle, arrival.stream
+                if (older := self._images.get(key)) is not None:
+                    arrival = dataclasses.replace(arrival, replaced=older.replaced + 1)
+                self._images[key] = arrival
             else:
                 self._documents.append(arrival)
             self._condition.notify()
@@ -92,4 +96,6 @@ def _read(arrival: Arrival) -> Sample | None:
         return unpack(arrival)
     except DfvsError as error:
         log.debug("%s of %r dropped: %s", arrival.stream, arrival.vehicle, error)
-        return None
+    except Exception:  # one arrival must not end the thread that reads all of them
+        log.exception("%s of %r dropped", arrival.stream, arrival.vehicle)
+    return None

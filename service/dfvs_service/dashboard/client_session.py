@@ -6,13 +6,15 @@ import asyncio
 import contextlib
 import json
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.link import MOUNTING_SCORE
-from dfvs_service.dashboard.command_queue import CommandQueue
+from dfvs_service.dashboard.command_queue import STOPS, CommandQueue
 from dfvs_service.dashboard.hub import Clock, Hub
 from dfvs_service.dashboard.messages import commanded_goal, read_message
 from dfvs_service.dashboard.outbox import Outbox
@@ -27,8 +29,15 @@ MAX_HELLO_BYTES = 4096
 HELLO_TIMEOUT_S = 5.0
 WRONG_TOKEN_DELAY_S = 1.0
 MAX_PENDING_COMMANDS = 2
+"""Unanswered commands of a page; a Hold or an Abort waits only for its own kind and vehicle."""
+MAX_PENDING_STOPS = 16
+"""Unanswered commands of a page with which even a Hold or an Abort is refused."""
+
+_STOP_THREADS = 16
 
 CLOSE_DENIED = 4401
+"""The token gives no access: the page forgets it, and does not connect again by itself."""
+CLOSE_TOO_SLOW = 4408
 CLOSE_FULL = 4429
 CLOSE_UNREADABLE = 1003
 CLOSE_TOO_LARGE = 1009
@@ -46,6 +55,10 @@ class AppContext:
     clock: Clock
     unknown: set[ClientSession] = field(default_factory=set)
     """Sessions that have not shown who they are."""
+    stop_threads: ThreadPoolExecutor = field(
+        default_factory=lambda: ThreadPoolExecutor(_STOP_THREADS, "dashboard-stop")
+    )
+    """Where Hold and Abort wait for their answers, so that other commands do not hold them up."""
 
 
 class ClientSession:
@@ -56,7 +69,8 @@ class ClientSession:
         self._context = context
         self._outbox = Outbox()
         self._role = Role.NOBODY
-        self._commands: set[asyncio.Task[None]] = set()
+        self._pending: dict[asyncio.Task[None], tuple[str, str]] = {}
+        """Action and vehicle of every command that is not answered yet."""
 
     async def serve(self) -> None:
         """Greet, then send and receive at the same time."""
@@ -93,7 +107,7 @@ class ClientSession:
         try:
             hello = await asyncio.wait_for(self._hello(), HELLO_TIMEOUT_S)
         except TimeoutError:
-            await self._socket.close(CLOSE_DENIED, "no greeting came")
+            await self._socket.close(CLOSE_TOO_SLOW, "no greeting came")
             return False
         if hello is None:
             await self._socket.close(CLOSE_TOO_LARGE, "the greeting is too long")
@@ -168,20 +182,35 @@ class ClientSession:
             self._outbox.offer({"pong": json.dumps({"t": t, "server_ms": now.wall_ms})})
 
     def _on_command(self, message: dict[str, Any]) -> None:
-        task = asyncio.create_task(self._run_command(message))
-        self._commands.add(task)
-        task.add_done_callback(self._commands.discard)
-
-    async def _run_command(self, message: dict[str, Any]) -> None:
         word, vehicle = str(message.get("command"))[:40], str(message.get("vehicle"))[:80]
-        command_queue = self._context.command_queue
-        if self._role is not Role.OPERATOR or command_queue is None:
-            accepted, text = False, "not sent: this page may only look"
-        elif len(self._commands) > MAX_PENDING_COMMANDS:
-            accepted, text = False, "not sent: earlier commands are not answered yet"
+        queue = self._context.command_queue
+        if self._role is not Role.OPERATOR or queue is None:
+            self._answer(word, vehicle, (False, "not sent: this page may only look"))
+        elif self._is_one_too_many(word, vehicle):
+            self._answer(word, vehicle, (False, "not sent: earlier commands are not answered yet"))
         else:
-            goal = commanded_goal(message)
-            accepted, text = await asyncio.to_thread(command_queue.give, vehicle, word, goal)
-            log.info("command %s for %s: %s", word, vehicle, text)
-        answer = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
-        self._outbox.append("answers", [json.dumps(answer)])
+            running = self._run_command(queue, word, vehicle, commanded_goal(message))
+            task = asyncio.create_task(running)
+            self._pending[task] = word, vehicle
+            task.add_done_callback(self._pending.pop)
+
+    def _is_one_too_many(self, word: str, vehicle: str) -> bool:
+        pending = list(self._pending.values())
+        if word not in STOPS:
+            return len(pending) >= MAX_PENDING_COMMANDS
+        is_repeated = pending.count((word, vehicle)) >= MAX_PENDING_COMMANDS
+        return is_repeated or len(pending) >= MAX_PENDING_STOPS
+
+    async def _run_command(
+        self, queue: CommandQueue, word: str, vehicle: str, goal: GoalCommand | None
+    ) -> None:
+        threads = self._context.stop_threads if word in STOPS else None
+        loop = asyncio.get_running_loop()
+        answer = await loop.run_in_executor(threads, queue.give, vehicle, word, goal)
+        log.info("command %s for %s: %s", word, vehicle, answer[1])
+        self._answer(word, vehicle, answer)
+
+    def _answer(self, word: str, vehicle: str, answer: tuple[bool, str]) -> None:
+        accepted, text = answer
+        told = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
+        self._outbox.append("answers", [json.dumps(told)])

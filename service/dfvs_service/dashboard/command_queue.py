@@ -13,7 +13,13 @@ from dfvs_service.settings.sections import VehicleSection, ZenohSection
 
 COMMAND_TIMEOUT_S = 3.0
 
+STOPS = frozenset({Action.HOLD, Action.ABORT})
+"""Commands that can do no harm."""
+_USED_CHALLENGE = "rejected: its challenge was used"
+"""Beginning of the gate's answer to a command whose challenge another one has used up."""
+
 FindEndpoint = Callable[[str], ZenohSection | None]
+Send = Callable[[ServiceConfig, bytes, Action, float, GoalCommand | None], str]
 
 
 class CommandQueue:
@@ -25,14 +31,21 @@ class CommandQueue:
         Of signed commands.
     find : callable
         How to reach a vehicle by its name.
+    send : callable
+        Signs and sends a command, and returns the gate's answer.
     """
 
-    def __init__(self, key: bytes, find: FindEndpoint) -> None:
+    def __init__(self, key: bytes, find: FindEndpoint, send: Send = send_command) -> None:
         self._key = key
         self._find = find
+        self._send = send
 
     def give(self, vehicle: str, word: str, goal: GoalCommand | None) -> tuple[bool, str]:
-        """OperatorCommand and wait for the gate's word: whether it was accepted, and why not."""
+        """Send a command and wait for the gate's answer: whether it was accepted, and why not.
+
+        Two commands at a time may carry the same challenge, which the gate accepts once: a Hold or
+        an Abort that comes second is sent once more, with the next challenge.
+        """
         try:
             answer = self._give(vehicle, word, goal)
         except DfvsError as error:
@@ -49,4 +62,7 @@ class CommandQueue:
         if goal is not None:
             image_size(goal.image)
         config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
-        return send_command(config, self._key, action, COMMAND_TIMEOUT_S, goal)
+        answer = self._send(config, self._key, action, COMMAND_TIMEOUT_S, goal)
+        if action in STOPS and answer.startswith(_USED_CHALLENGE):
+            answer = self._send(config, self._key, action, COMMAND_TIMEOUT_S, goal)
+        return answer

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
@@ -34,10 +35,13 @@ class Hub:
         The present moment.
     on_watch : callable
         Called with the vehicles that are watched by anybody, whenever they change.
+    local_clock : bytes
+        Identity of this machine's monotonic clock.
     """
 
-    def __init__(self, clock: Clock, on_watch: Watch) -> None:
+    def __init__(self, clock: Clock, on_watch: Watch, local_clock: bytes = NO_CLOCK) -> None:
         self._clock = clock
+        self._local_clock = local_clock
         self._on_watch = on_watch
         self._models: dict[str, VehicleModel] = {}
         self._images: dict[str, dict[ImageKind, bytes]] = {}
@@ -66,8 +70,12 @@ class Hub:
         self._publish_subscriptions()
 
     def watch(self, outbox: Outbox, vehicle: str) -> None:
-        """Have a browser watch a vehicle: everything known of it is left in its outbox."""
-        if (model := self._models.get(vehicle)) is None:
+        """Have a browser watch a vehicle: everything known of it is left in its outbox, once.
+
+        A vehicle that is not known is passed over: the browser asks anew once it is listed.
+        """
+        model = self._models.get(vehicle)
+        if model is None or self._watchers.get(outbox) == vehicle:
             return
         self._watchers[outbox] = vehicle
         outbox.forget()
@@ -86,6 +94,9 @@ class Hub:
             except DfvsError as error:
                 self.refused += 1
                 log.debug("%s of %r not read: %s", sample.stream, sample.vehicle, error)
+            except Exception:  # one sample must not cost the rest of its batch
+                self.refused += 1
+                log.exception("%s of %r not read", sample.stream, sample.vehicle)
 
     def tick(self, extra: Update) -> None:
         """Send vehicles and links to everybody; to be called once or twice a second."""
@@ -101,7 +112,7 @@ class Hub:
         if vehicle not in self._models:
             if len(self._models) >= MAX_VEHICLES:
                 return None
-            self._models[vehicle] = VehicleModel(vehicle)
+            self._models[vehicle] = VehicleModel(vehicle, self._local_clock)
         return self._models[vehicle]
 
     def _read(self, sample: Sample) -> None:
@@ -109,7 +120,7 @@ class Hub:
         if model is None:
             return
         if isinstance(sample.content, BrowserImage):
-            t_ms = model.on_image(sample.stream, sample.content, now)
+            t_ms = model.on_image(sample.stream, sample.content, now, sample.replaced)
             message = encode_image_message(sample.content.kind, t_ms, sample.content.data)
             self._images.setdefault(model.name, {})[sample.content.kind] = message
             self._show(model.name, sample.content.kind, message)

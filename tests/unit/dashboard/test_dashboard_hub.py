@@ -4,12 +4,15 @@ import struct
 
 import pytest
 
-from dfvs_core.messages.link import GateStatus
+from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
 from dfvs_service.dashboard.outbox import ImageKind, Outbox
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
+
+TURNS = ((1, 1.7e308), (2, -1.7e308), (3, 0.5))
+"""Stamps and yaw angles; from the first to the second there is no number."""
 
 
 class Rig:
@@ -113,6 +116,15 @@ def test_a_vehicle_that_does_not_exist_cannot_be_watched(rig):
     assert rig.watched in ([], [frozenset()])
 
 
+def test_a_vehicle_that_is_watched_already_is_not_told_from_the_start_again(rig):
+    rig.state("swift")
+    outbox = rig.browser("swift")
+    take(outbox)
+    rig.hub.watch(outbox, "swift")
+    rig.state("swift", "HOLD")
+    assert "history" not in take(outbox)[0]
+
+
 def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
     rig.state("swift")
     outbox = rig.browser("swift")
@@ -121,6 +133,15 @@ def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
     assert rig.hub.refused == 2
     rig.state("swift", "HOLD")
     assert take(outbox)[0]["state"]["state"] == "HOLD"
+
+
+def test_a_sample_that_raises_any_error_costs_itself_alone(rig):
+    turned = [VehicleState(t, 0.0, 0.0, yaw, (0, 0, 0), (0, 0, 0)) for t, yaw in TURNS]
+    states = [dump(GateStatus("SERVO", "tested", vehicle)) for vehicle in turned]
+    rig.hub.on_samples([Sample("swift", "state", state) for state in states])
+    assert rig.hub.refused == 1
+    rows = rig.hub.model("swift").history()["history"]["path"]
+    assert [row[6] for row in rows] == [1.7e308, 0.5]
 
 
 def test_a_flood_of_vehicles_is_cut_off(rig):

@@ -5,7 +5,13 @@ import pytest
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame import (
+    Frame,
+    FrameHeader,
+    PixelFormat,
+    encode_frame,
+    encode_header,
+)
 from dfvs_core.messages.image import decode_image, encode_png
 from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
 from dfvs_service.dashboard.outbox import ImageKind
@@ -44,9 +50,19 @@ def test_a_flow_grid_is_passed_on():
     assert (picture.kind, picture.t_ns, picture.data) == (ImageKind.FLOW, 99, data)
 
 
+def test_a_frame_tells_by_whose_clock_it_was_stamped():
+    payload, attachment = encode_frame(frame(), PixelFormat.JPEG, b"c" * 16)
+    assert unpack(Arrival("a", "goal", payload, attachment)).content.clock == b"c" * 16
+
+
 def test_documents_are_read_from_json():
     parcel = unpack(Arrival("a", "state", json.dumps({"x": 1}).encode(), b""))
     assert (parcel.vehicle, parcel.stream, parcel.content) == ("a", "state", {"x": 1})
+
+
+NO_PIXELS = FrameHeader(0, 0, PixelFormat.RGB8, 1, 123, checksum=0)
+NO_PIXELS_JPEG = b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x00\x00\x00" + bytes(12)
+NO_PIXELS_IN_JPEG = FrameHeader(0, 0, PixelFormat.JPEG, 1, 123, checksum=0)
 
 
 def hostile():
@@ -58,6 +74,8 @@ def hostile():
         "PNG that says it is a JPEG": ("camera", encode_png(frame().image), jpeg_header),
         "nothing": ("camera", b"", jpeg_header),
         "no attachment": ("camera", jpeg, b""),
+        "raw frame of no pixels": ("camera", b"", encode_header(NO_PIXELS)),
+        "JPEG of no pixels": ("camera", NO_PIXELS_JPEG, encode_header(NO_PIXELS_IN_JPEG)),
         "raw frame cut short": ("goal", raw[:-1], raw_header),
         "raw frame changed": ("goal", b"\x00" + raw[1:], raw_header),
         "no grid": ("flow", b"DFVO" + bytes(30), b""),

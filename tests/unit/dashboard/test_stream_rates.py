@@ -37,6 +37,15 @@ def test_what_the_numbering_skips_is_missing():
     assert rate.missing == 2
 
 
+def test_what_was_replaced_here_is_not_missing():
+    rate = StreamRate()
+    rate.note(0, 1, 5)
+    rate.note(1, 1, 9, replaced=1)
+    rate.note(2, 1, 10, replaced=4)
+    rate.note(3, 1, 12)
+    assert rate.missing == 3
+
+
 @pytest.mark.parametrize(("t_ns", "seq"), [(2 * S, 40), (1, 3), (1, 100_000)])
 def test_a_pause_or_a_new_sender_loses_nothing(t_ns, seq):
     rate = StreamRate()

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.outbox import ImageKind
@@ -12,6 +13,7 @@ from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage
 from dfvs_service.dashboard.vehicles.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleModel
 
+OURS = b"o" * 16
 MS = 1_000_000
 NOW = Moment(10_000 * MS, 1_000_000.0)
 VEHICLE = VehicleState(9_990 * MS, 0.0, 0.0, 0.5, (0.3, 0.4, 0.0), (1.0, 2.0, -1.5))
@@ -87,6 +89,13 @@ def test_the_flown_yaw_rate_is_between_two_states_that_follow_closely(yaw, after
     assert flown[3] == (rate if rate is None else pytest.approx(rate, abs=1e-3))
 
 
+def test_a_velocity_beyond_all_floats_is_unknown_and_spoils_no_history():
+    model = VehicleModel("a")
+    fast = dataclasses.replace(VEHICLE, velocity_m_s=(1.7e308, 1.7e308, 0.0), yaw_rad=0.8)
+    assert path_row(model, fast)["flown"][0] is None
+    json.dumps(model.history(), allow_nan=False)
+
+
 def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
     model = VehicleModel("a")
     model.on_document("state", status(), NOW)
@@ -142,6 +151,9 @@ def test_what_is_no_finite_number_reaches_nobody(value):
         ("state", {"state": "SERVO"}),
         ("state", []),
         ("state", status() | {"battery": float("nan")}),
+        ("state", status() | {"battery": 10**400}),
+        ("state", status() | {"t_ns": 10**400}),
+        ("state", status() | {"vehicle": dump(VEHICLE) | {"t_ns": -(10**400)}}),
         ("servo", 3),
         ("servo", {}),
         ("servo", servo(t_ns="now")),
@@ -171,6 +183,33 @@ def test_the_history_of_results_is_thinned_to_ten_a_second():
     for i in range(100):
         model.on_document("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
     assert len(model.history()["history"]["servo"]) == 34
+
+
+def kept_goal(sent_ns, clock=NO_CLOCK):
+    return BrowserImage(ImageKind.GOAL, sent_ns, 0, b"jpeg", clock)
+
+
+@pytest.mark.parametrize("clock", [NO_CLOCK, OURS])
+def test_a_goal_that_was_kept_for_long_leaves_the_age_of_states_exact(clock):
+    model = VehicleModel("a", OURS)
+    model.on_image("goal", kept_goal(NOW.t_ns - 60_000 * MS, clock), NOW)
+    later = Moment(NOW.t_ns + 12_000 * MS, NOW.wall_ms + 12_000)
+    for now, age_ms in ((NOW, 10), (later, 12_010)):
+        state = model.on_document("state", status(), now)["state"]
+        assert now.wall_ms - state["t_ms"] == pytest.approx(age_ms)
+    assert model.link_update(later)["link"]["is_foreign_clock"] is False
+
+
+def test_the_goal_s_clock_is_the_service_s_whatever_the_camera_says():
+    model = VehicleModel("a", OURS)
+    camera = BrowserImage(ImageKind.VIEW, NOW.t_ns, 1, b"jpeg", b"t" * 16)
+    for stream, image, is_foreign in (
+        ("camera", camera, True),
+        ("goal", kept_goal(NOW.t_ns, OURS), False),
+        ("camera", camera, False),
+    ):
+        model.on_image(stream, image, NOW)
+        assert model.link_update(NOW)["link"]["is_foreign_clock"] is is_foreign
 
 
 def test_links_tell_rate_age_and_loss_of_the_camera():

@@ -211,3 +211,9 @@ def test_clocks_are_told_apart():
     assert len(one) == 16
     with pytest.raises(WireError):
         clock_identity("not a uuid")
+
+
+@pytest.mark.parametrize("encode", [encode_jpeg, encode_png])
+def test_an_image_of_no_pixels_cannot_be_encoded(encode):
+    with pytest.raises(ImageError, match="cannot be encoded"):
+        encode(np.zeros((0, 0, 3), np.uint8))

@@ -70,17 +70,26 @@ export class Connection extends EventTarget {
     if (!this.#socket) this.open();
   }
 
+  /** @returns {boolean} whether there was a connection to send it on */
   send(message) {
-    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+    return this.#transmit(JSON.stringify(message));
   }
 
-  /** Send a goal image: length of a JSON header (uint32), the header, the image's bytes. */
+  /**
+   * Send a goal image: length of a JSON header (uint32), the header, the image's bytes.
+   * @returns {boolean} whether there was a connection to send it on
+   */
   sendGoal(header, image) {
-    if (this.#socket?.readyState !== WebSocket.OPEN) return;
     const headerBytes = new TextEncoder().encode(JSON.stringify({ type: "command", command: "goal", ...header }));
     const length = new Uint8Array(4);
     new DataView(length.buffer).setUint32(0, headerBytes.length, true);
-    this.#socket.send(new Blob([length, headerBytes, image]));
+    return this.#transmit(new Blob([length, headerBytes, image]));
+  }
+
+  #transmit(data) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) return false;
+    this.#socket.send(data);
+    return true;
   }
 
   #greet(socket) {

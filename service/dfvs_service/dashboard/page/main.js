@@ -30,7 +30,10 @@ const nextTheme = startTheme(() => {
   path.redraw();
 });
 
+/** The user's choice, or the first vehicle that was found; it outlives a lost connection. */
 let watched = "";
+/** What the server sends on this connection. */
+let confirmed = "";
 let shown = "";
 let known = {};
 let vehicles = [];
@@ -79,12 +82,14 @@ function takeTransitions(list) {
 
 const TAKE = {
   vehicles: (list) => {
-    vehicles = list;
-    const wanted = list.find((v) => v.name === watched) ?? list.find((v) => now() - v.t_ms < LIVELY_MS) ?? list[0];
-    if (wanted && wanted.name !== watched) watch(wanted.name);
+    const own = list.find((v) => v.name === watched);
+    // The server does not know it yet: it stays chosen, and is asked for once it is listed.
+    vehicles = watched && !own ? [{ name: watched, state: "", t_ms: null }, ...list] : list;
+    const wanted = watched ? own : list.find((v) => now() - v.t_ms < LIVELY_MS) ?? list[0];
+    if (wanted && wanted.name !== confirmed) watch(wanted.name);
   },
   watching: (name) => {
-    watched = name;
+    watched = confirmed = name;
     operator.watch(name);
     forget(name);
   },
@@ -124,9 +129,12 @@ connection.addEventListener("welcome", ({ detail }) => {
   mountingLimit = detail.mounting_score;
   lostSinceMs = null;
   operator.welcome(detail);
-  if (watched) watch(watched);
 });
-connection.addEventListener("lost", () => (lostSinceMs ??= performance.now()));
+connection.addEventListener("lost", () => {
+  confirmed = "";
+  operator.lost();
+  lostSinceMs ??= performance.now();
+});
 connection.addEventListener("denied", ({ detail }) => operator.denied(detail.reason));
 
 // --- what is shown -----------------------------------------------------------------------------

@@ -13,6 +13,10 @@ export class Operator {
   #vehicle = "";
   #state = null;
   #isSignedIn = false;
+  /** Whether a token was refused, and the page waits for what the user does. */
+  #isRefused = false;
+  /** Names of the commands that were sent on this connection and not answered yet. */
+  #unanswered = [];
   #onConfirmed = () => {};
   #currentView;
   /** Width of the camera's frames, px; null where the settings leave it open. */
@@ -51,6 +55,7 @@ export class Operator {
 
   /** The server let nobody in with this token. */
   denied(reason) {
+    this.#isRefused = keptToken() !== "";
     sessionStorage.removeItem(KEPT_TOKEN);
     this.ask(reason);
   }
@@ -82,12 +87,21 @@ export class Operator {
 
   command(name) {
     if (byId("operator").hidden || !this.#vehicle) return;
-    this.#answer(null, `${name} sent …`);
-    this.#connection.send({ type: "command", command: name, vehicle: this.#vehicle });
+    this.#sent(name, this.#connection.send({ type: "command", command: name, vehicle: this.#vehicle }));
   }
 
   answered(answers) {
-    for (const { accepted, text } of answers) this.#answer(accepted, text);
+    for (const { command, accepted, text } of answers) {
+      const at = this.#unanswered.indexOf(command);
+      if (at >= 0) this.#unanswered.splice(at, 1);
+      this.#answer(accepted, text);
+    }
+  }
+
+  /** The connection is gone, and answers to what was sent on it with it. */
+  lost() {
+    const names = this.#unanswered.splice(0);
+    if (names.length) this.#answer(false, `${names.join(", ")} not answered: connection lost`);
   }
 
   #confirmEngage() {
@@ -129,8 +143,12 @@ export class Operator {
   }
 
   #sendGoal(vehicle, sidecar, image) {
-    this.#answer(null, "goal sent …");
-    this.#connection.sendGoal({ vehicle, sidecar }, image);
+    this.#sent("goal", this.#connection.sendGoal({ vehicle, sidecar }, image));
+  }
+
+  #sent(name, isSent) {
+    if (isSent) this.#unanswered.push(name);
+    this.#answer(isSent ? null : false, isSent ? `${name} sent …` : `${name} NOT sent: no connection`);
   }
 
   #confirm(title, text, image, onConfirmed) {
@@ -148,9 +166,12 @@ export class Operator {
   #signIn() {
     const token = byId("token").value.trim();
     byId("token").value = "";
-    if (byId("sign-dialog").returnValue !== "ok" || !token) return;
-    sessionStorage.setItem(KEPT_TOKEN, token);
-    this.#connection.signIn(token);
+    const isGiven = byId("sign-dialog").returnValue === "ok" && token !== "";
+    // Without another token the page goes on as one that may only look.
+    if (!isGiven && !this.#isRefused) return;
+    this.#isRefused = false;
+    if (isGiven) sessionStorage.setItem(KEPT_TOKEN, token);
+    this.#connection.signIn(isGiven ? token : "");
   }
 
   #signOut() {

@@ -2,7 +2,12 @@
 
 from dataclasses import dataclass
 
+from dfvs_core.messages.frame import NO_CLOCK
+
 _SAME_CLOCK_NS = 10_000_000_000
+"""Delay of the quickest message below which a sender without an identity has our clock."""
+_BOOT_NS = 1_000_000_000
+"""Step back of a state's stamp that no link explains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,24 +23,60 @@ class SenderClock:
 
     A sender on this machine stamps with our own monotonic clock, and ages are exact. A sender
     elsewhere counts from its own boot: then the quickest message so far counts as undelayed, and
-    ages are what later ones took longer than that.
+    ages are what later ones took longer than that. Which of both it is follows from the identity
+    of the sender's clock, and without one from the delay of the quickest message.
+
+    Parameters
+    ----------
+    local_clock : bytes
+        Identity of this machine's clock; ``NO_CLOCK`` where it is not known.
     """
 
-    def __init__(self) -> None:
-        self.is_foreign = False
+    def __init__(self, local_clock: bytes = NO_CLOCK) -> None:
+        self._local_clock = local_clock
+        self._clock = NO_CLOCK
         self._least_lag_ns: int | None = None
+        self._newest_state_ns: int | None = None
+
+    @property
+    def is_identified(self) -> bool:
+        """Whether the identity of the sender's clock is known."""
+        return self._clock != NO_CLOCK
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the sender stamps with another machine's clock."""
+        if self.is_identified:
+            return self._clock != self._local_clock
+        least = self._least_lag_ns
+        return least is not None and not 0 <= least < _SAME_CLOCK_NS
+
+    def identify(self, clock: bytes) -> None:
+        """Take the identity of the sender's clock from a frame; ``NO_CLOCK`` tells nothing."""
+        if NO_CLOCK in (clock, self._local_clock) or clock == self._clock:
+            return
+        self._clock = clock
+        self._least_lag_ns = self._newest_state_ns = None
+
+    def on_state(self, t_ns: int, now_ns: int) -> None:
+        """Take the stamp of a state: where a foreign one jumps back, the sender has booted."""
+        newest = self._newest_state_ns
+        if self.is_foreign and newest is not None and t_ns < newest - _BOOT_NS:
+            self._least_lag_ns = None
+        self._newest_state_ns = t_ns
+        self.on_message(t_ns, now_ns)
+
+    def on_message(self, t_ns: int, now_ns: int) -> None:
+        """Take the stamp of a message that was sent when it was stamped, or soon after."""
+        lag, least = now_ns - t_ns, self._least_lag_ns
+        self._least_lag_ns = lag if least is None else min(lag, least)
 
     def age_ns(self, t_ns: int, now_ns: int) -> int:
         """Age in ns of something stamped ``t_ns`` that is here at ``now_ns``; never negative."""
-        lag = now_ns - t_ns
-        if not self.is_foreign and 0 <= lag < _SAME_CLOCK_NS:
-            return lag
-        self.is_foreign = True
-        least = self._least_lag_ns
-        # Much later than ever before: the sender has booted, and counts from zero again.
-        if least is None or lag < least or lag - least > _SAME_CLOCK_NS:
-            self._least_lag_ns = least = lag
-        return lag - least
+        lag, least = now_ns - t_ns, self._least_lag_ns
+        if self.is_foreign:
+            lag = 0 if least is None else lag - least
+        return max(lag, 0)
 
     def wall_ms(self, t_ns: int, now: Moment) -> float:
         """Wall-clock time in ms of a stamp, by this machine's clock."""

@@ -17,16 +17,17 @@ class StreamRate:
         self.count = 0
         self.missing = 0
 
-    def note(self, t_ns: int, size: int = 0, seq: int | None = None) -> None:
+    def note(self, t_ns: int, size: int = 0, seq: int | None = None, replaced: int = 0) -> None:
         """Note a message of so many bytes that came at ``t_ns``, with its number if it has one.
 
         What the numbering skips counts as missing, except after a pause (nobody watched) and
-        where it jumps back or far ahead (a new sender).
+        where it jumps back or far ahead (a new sender). ``replaced`` messages directly before it
+        came too, and were not noted: they are not missing.
         """
         is_steady = bool(self._seen) and t_ns - self._seen[-1][0] < _PAUSE_NS
         if is_steady and seq is not None and self._last_seq is not None:
             skipped = seq - self._last_seq - 1
-            self.missing += skipped if 0 < skipped < _MOST_SKIPPED else 0
+            self.missing += max(skipped - replaced, 0) if skipped < _MOST_SKIPPED else 0
         self.count += 1
         self._last_seq = seq
         self._seen.append((t_ns, size))

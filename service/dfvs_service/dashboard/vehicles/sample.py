@@ -8,7 +8,13 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_frame, decode_header
+from dfvs_core.messages.frame import (
+    NO_CLOCK,
+    FrameHeader,
+    PixelFormat,
+    decode_frame,
+    decode_header,
+)
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.dashboard.outbox import ImageKind
@@ -20,31 +26,37 @@ MAX_VIEW_WIDTH = 960
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """One sample as it came: whose, of which stream, payload and attachment."""
+    """One sample as it came: whose, of which stream, payload and attachment.
+
+    ``replaced`` counts the arrivals of its stream, directly before it, that nobody has read.
+    """
 
     vehicle: str
     stream: str
     payload: bytes
     attachment: bytes
+    replaced: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class BrowserImage:
-    """JPEG, or flow grid, with the monotonic time of its capture and its number."""
+    """JPEG, or flow grid, with the monotonic time of its capture, its number, and whose clock."""
 
     kind: ImageKind
     t_ns: int
     seq: int
     data: bytes
+    clock: bytes = NO_CLOCK
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """An arrival that could be read: an image, or a document from JSON."""
+    """An arrival that could be read: an image, or a document from JSON; ``replaced`` as there."""
 
     vehicle: str
     stream: str
     content: BrowserImage | Any
+    replaced: int = 0
 
 
 def unpack(arrival: Arrival) -> Sample:
@@ -55,7 +67,7 @@ def unpack(arrival: Arrival) -> Sample:
     DfvsError
         If it is not what its stream should carry.
     """
-    return Sample(arrival.vehicle, arrival.stream, _content(arrival))
+    return Sample(arrival.vehicle, arrival.stream, _content(arrival), arrival.replaced)
 
 
 def _content(arrival: Arrival) -> BrowserImage | Any:
@@ -65,7 +77,7 @@ def _content(arrival: Arrival) -> BrowserImage | Any:
     if arrival.stream in ("camera", "goal"):
         header, jpeg = browser_jpeg(arrival.payload, arrival.attachment)
         kind = ImageKind.GOAL if arrival.stream == "goal" else ImageKind.VIEW
-        return BrowserImage(kind, header.t_capture_ns, header.seq, jpeg)
+        return BrowserImage(kind, header.t_capture_ns, header.seq, jpeg, header.clock)
     if len(arrival.payload) > MAX_DOCUMENT_BYTES:
         raise WireError(
             f"document of {len(arrival.payload)} bytes", f"at most {MAX_DOCUMENT_BYTES}"
@@ -91,8 +103,8 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     """
     header = decode_header(attachment)
     width, height = header.width, header.height
-    if width * height > MAX_IMAGE_PIXELS:
-        raise WireError(f"frame of {width} x {height} px", f"at most {MAX_IMAGE_PIXELS} px in all")
+    if width < 1 or height < 1 or width * height > MAX_IMAGE_PIXELS:
+        raise WireError(f"frame of {width} x {height} px", f"1 to {MAX_IMAGE_PIXELS} px in all")
     if header.pixel_format is PixelFormat.JPEG:
         if not payload.startswith(b"\xff\xd8") or image_size(payload) != (width, height):
             raise WireError(f"the frame is no JPEG of {width} x {height} px")

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dfvs_core.errors import WireError
+from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump, parse
 from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
@@ -50,6 +51,7 @@ _STATUS_FIELDS = frozenset(field.name for field in dataclasses.fields(GateStatus
 _SECRETS = frozenset({"challenge"})
 _COUNTERS = ("frames", "refused", "overtaken")
 _MOST_STAGES = 32
+_MAX_TIME_NS = 1 << 62
 
 
 class VehicleModel:
@@ -59,13 +61,15 @@ class VehicleModel:
     ----------
     name : str
         Of the vehicle.
+    local_clock : bytes
+        Identity of this machine's monotonic clock.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, local_clock: bytes = NO_CLOCK) -> None:
         self.name = name
         self.status: GateStatus | None = None
         self.rates = {stream: StreamRate() for stream in ("camera", "servo", "state", "flow")}
-        self._clock = SenderClock()
+        self._clock = SenderClock(local_clock)
         self._vehicle: VehicleState | None = None
         self._newest: Update = {}
         self._servo: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
@@ -95,7 +99,10 @@ class VehicleModel:
         # A newer service may say more than our schema knows.
         known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
         status = parse(GateStatus, known)
+        for t_ns in (status.t_ns, status.since_ns, status.vehicle.t_ns if status.vehicle else 0):
+            _check_time(t_ns)
         self.rates["state"].note(now.t_ns)
+        self._clock.on_state(status.t_ns, now.t_ns)
         t_ms = self._clock.wall_ms(status.t_ns, now)
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
         shown["t_ms"] = t_ms
@@ -121,6 +128,7 @@ class VehicleModel:
         """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
         self.rates["servo"].note(now.t_ns)
+        self._clock.on_message(t_capture_ns, now.t_ns)
         row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
         row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
         row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
@@ -153,11 +161,19 @@ class VehicleModel:
         }
         return {"settings": self._newest["settings"]}
 
-    def on_image(self, stream: str, image: BrowserImage, now: Moment) -> float:
-        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
+    def on_image(self, stream: str, image: BrowserImage, now: Moment, replaced: int = 0) -> float:
+        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms.
+
+        ``replaced`` images directly before it came, but were not read.
+        """
         if stream in self.rates:
             seq = image.seq if stream == "camera" else None
-            self.rates[stream].note(now.t_ns, len(image.data), seq)
+            self.rates[stream].note(now.t_ns, len(image.data), seq, replaced)
+        # The service refuses frames that its own clock did not stamp: the goal's counts for both.
+        if stream == "goal" or not self._clock.is_identified:
+            self._clock.identify(image.clock)
+        if stream != "goal":  # it was stamped when the service took it up, and is kept since
+            self._clock.on_message(image.t_ns, now.t_ns)
         return self._clock.wall_ms(image.t_ns, now)
 
     def link_update(self, now: Moment) -> Update:
@@ -189,7 +205,8 @@ def _path_row(
     """``PATH_COLUMNS`` without the time."""
     cos, sin = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
     north, east, down = vehicle.velocity_m_s
-    flown = [cos * north + sin * east, cos * east - sin * north, down, _yaw_rate(vehicle, before)]
+    forward, right = cos * north + sin * east, cos * east - sin * north
+    flown = _numbers([forward, right, down, _yaw_rate(vehicle, before)])
     angles = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
     return [*vehicle.position_m, *angles, list(setpoint), flown]
 
@@ -204,9 +221,15 @@ def _yaw_rate(vehicle: VehicleState, before: VehicleState | None) -> float | Non
 
 def _time(document: Mapping[str, Any], name: str) -> int:
     value = document.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or abs(value) > 1 << 62:
+    if not isinstance(value, int) or isinstance(value, bool):
         raise WireError(f"servo telemetry has {name} = {value!r}"[:200], "ns as an integer")
+    _check_time(value)
     return value
+
+
+def _check_time(t_ns: int) -> None:
+    if abs(t_ns) > _MAX_TIME_NS:
+        raise WireError(f"a time of {t_ns} ns"[:200], "less than 2**62 ns")
 
 
 def _number(value: object) -> float | None:

@@ -1,0 +1,125 @@
+"""What the page does when its connection is lost, refused, or made anew."""
+
+import pytest
+from browser_page import CHROMIUM, needs_chromium
+from scripted_server import TOKEN, ScriptedServer
+
+sync_api = pytest.importorskip("playwright.sync_api")
+pytestmark = needs_chromium
+
+WATCHED = "name => dfvsScreen().watched === name"
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def serve(chromium):
+    contexts = []
+
+    def serve(*vehicles):
+        contexts.append(chromium.new_context())
+        return ScriptedServer(contexts[-1], *vehicles)
+
+    yield serve
+    for context in contexts:
+        context.close()
+
+
+def test_a_restarted_server_that_does_not_know_the_vehicle_yet_is_asked_for_no_other(serve):
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.vehicles = ("heron",)
+    server.close()
+    server.page.page.wait_for_selector("#vehicle option[value=heron]", state="attached")
+    assert server.watched == []
+    assert server.page.page.input_value("#vehicle") == "swift"
+    server.list_vehicles("heron", "swift")
+    server.until(lambda: server.watched == ["swift"])
+
+
+def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
+    server = serve("heron", "swift")
+    server.until(lambda: server.watched == ["heron"])
+    server.page.page.wait_for_selector("#vehicle option[value=swift]", state="attached")
+    server.page.page.select_option("#vehicle", "swift")
+    server.until(lambda: server.watched == ["heron", "swift"])
+    server.close()
+    server.until(lambda: server.watched == ["swift"])
+    server.page.wait(WATCHED, "swift")
+
+
+ANSWER = "text => document.getElementById('answer').textContent === text"
+
+
+@pytest.fixture
+def operated(serve):
+    """A server of one vehicle, with an operator who has signed in."""
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.page.sign_in(TOKEN)
+    server.until(lambda: server.watched == ["swift"])
+    return server
+
+
+def test_a_command_without_a_connection_is_called_not_sent(operated):
+    operated.accepts = False
+    operated.socket.close(code=1001)
+    operated.page.page.wait_for_selector("#alarm", state="visible")
+    operated.page.page.keyboard.press("Shift+A")
+    operated.page.wait(ANSWER, "abort NOT sent: no connection")
+    assert operated.page.page.get_attribute("#answer", "data-ok") == "no"
+    assert operated.commands == []
+
+
+def test_a_command_whose_connection_is_lost_is_called_not_answered(operated):
+    operated.page.page.keyboard.press("Shift+H")
+    operated.until(lambda: operated.commands == [("swift", "hold")])
+    operated.page.wait(ANSWER, "hold sent …")
+    operated.close()
+    operated.page.wait(ANSWER, "hold not answered: connection lost")
+
+
+def test_an_answer_stays_when_the_connection_is_lost(operated):
+    operated.page.page.keyboard.press("Shift+H")
+    operated.until(lambda: operated.commands)
+    operated.say(answers=[{"command": "hold", "accepted": True, "text": "accepted: hold"}])
+    operated.page.wait(ANSWER, "accepted: hold")
+    operated.close()
+    operated.page.wait(ANSWER, "accepted: hold")
+
+
+def test_a_goal_without_a_connection_is_called_not_sent(operated):
+    image = {"name": "b.jpg", "mimeType": "image/jpeg", "buffer": b"\xff\xd8"}
+    operated.say(state=operated.state() | {"state": "READY"})
+    operated.page.page.wait_for_selector("#goal:enabled")
+    operated.page.page.set_input_files("#goal-files", [image])
+    operated.accepts = False
+    operated.socket.close(code=1001)
+    operated.page.page.wait_for_selector("#alarm", state="visible")
+    operated.page.page.click("#confirm-ok")
+    operated.page.wait(ANSWER, "goal NOT sent: no connection")
+
+
+def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.page.page.click("#sign")
+    server.page.page.fill("#token", "mistyped")
+    server.page.page.keyboard.press("Enter")
+    server.until(lambda: server.tokens[-1] == "mistyped")
+    server.page.wait("() => document.getElementById('sign-why').textContent.includes('wrong')")
+    server.page.page.click("#sign-dialog [data-close]")
+    server.until(lambda: server.tokens[-1] == "")
+    server.until(lambda: server.watched == ["swift"])
+
+
+def test_a_page_that_was_too_slow_to_greet_connects_again_with_its_token(operated):
+    operated.close(code=4408, reason="no greeting came")
+    assert operated.tokens[-1] == TOKEN
+    assert not operated.page.page.is_visible("#sign-dialog")
