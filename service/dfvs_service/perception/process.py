@@ -104,7 +104,10 @@ class PerceptionProcess:
         self._last_frame_ns = time.monotonic_ns()
         section = config.telemetry
         self._images = TelemetryImages(
-            self._clock, config.servo.min_confidence, section.preview_quality
+            self._clock,
+            config.servo.min_confidence,
+            section.preview_quality,
+            self._flight_feed.max_bytes,
         )
         self._preview_pace = Pace.of_rate(section.preview_hz)
         self._flow_pace = Pace.of_rate(section.flow_hz)
