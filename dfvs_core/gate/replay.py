@@ -40,7 +40,7 @@ def encode_step(t_ns: int, events: Sequence[Event], output: GateOutput) -> str:
 
 
 def encode_gap(steps: int) -> str:
-    """Last line where steps could not be written: how many when it was noticed."""
+    """Line in place of steps that were not written: how many, or how many when it was noticed."""
     return json.dumps({"gap": steps})
 
 

@@ -25,11 +25,15 @@ _NOT_PUBLISHED = ("thumbnail", "build")
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One thing to publish: payload, encoding and attachment."""
+    """One thing to publish: payload, encoding and attachment.
+
+    ``kept`` goes to the black box in place of a payload that is too large for it.
+    """
 
     payload: bytes
     encoding: str = "application/json"
     attachment: bytes | None = None
+    kept: bytes | None = None
 
 
 class Telemetry:
@@ -46,7 +50,8 @@ class Telemetry:
     report : callable
         Takes one line about a failure of the thread, from any thread.
     keep : callable, optional
-        Takes stream and payload for the black box and returns whether it got them; must not block.
+        Takes stream and payload for the black box and returns whether that is settled; must not
+        block.
     """
 
     def __init__(
@@ -104,7 +109,7 @@ class Telemetry:
 
     def _put(self, stream: str, note: Note) -> None:
         if self._keep is not None:
-            self._copy(self._keep, stream, note.payload)
+            self._copy(self._keep, stream, note.payload if note.kept is None else note.kept)
         if stream in _NOT_PUBLISHED:
             return
         self._publisher(stream).put(

@@ -1,6 +1,9 @@
 """Zenoh sessions with errors for users."""
 
+import contextlib
 import dataclasses
+import math
+import queue
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +24,8 @@ from dfvs_service.settings.sections import ZenohSection
 _PEM = b"-----BEGIN "
 _RETRY_S = 1.0
 _LOCAL_RETRY_S = 0.1
+_POLL_S = 0.05
+"""An end that was asked for is noticed within this time."""
 
 
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
@@ -39,10 +44,8 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
         If the router cannot be reached (client), an endpoint cannot be listened on (peer), or a
         certificate's file cannot be used.
     """
-    encryption = None
-    if config.tls is not None:
-        check_files(config.tls)
-        encryption = Encryption(config.tls, vehicles)
+    require_usable_files(config)
+    encryption = None if config.tls is None else Encryption(config.tls, vehicles)
     listen = config.listen if config.mode == "peer" else ()
     try:
         return zenoh_session.open_session(config.mode, config.connect, listen, encryption)
@@ -102,6 +105,18 @@ def _socket_endpoint(runtime: RuntimeFolder) -> str:
     return f"unixsock-stream/{runtime.zenoh_socket}"
 
 
+def require_usable_files(section: ZenohSection) -> None:
+    """Refuse certificates that no trying again makes usable.
+
+    Raises
+    ------
+    ConfigError
+        If a certificate's file cannot be used.
+    """
+    if section.tls is not None:
+        check_files(section.tls)
+
+
 def check_files(files: TlsFiles) -> None:
     """Find what is wrong with the certificates' files before Zenoh says it less clearly.
 
@@ -127,7 +142,10 @@ def check_files(files: TlsFiles) -> None:
 
 
 def open_persistently(
-    section: ZenohSection, stop: threading.Event, log: Callable[[str], None]
+    section: ZenohSection,
+    is_stopped: Callable[[], bool],
+    log: Callable[[str], None],
+    pause_s: float = _RETRY_S,
 ) -> zenoh.Session | None:
     """Open a session, however long its router stays away; None if stopped before.
 
@@ -138,39 +156,60 @@ def open_persistently(
     ConfigError
         If it cannot be opened and trying again would not help.
     """
-    is_reported = False
-    while not stop.is_set():
-        try:
-            return open_session(section)
-        except ConfigError as error:
-            if section.mode != "client":
-                raise
-            if not is_reported:
-                log(f"{error}; trying again every {_RETRY_S:g} s")
-                is_reported = True
-            time.sleep(_RETRY_S)
-    return None
+    patience_s = math.inf if section.mode == "client" else 0.0
+    return open_within(section, patience_s, is_stopped, log, pause_s)
 
 
 def open_within(
     section: ZenohSection,
     patience_s: float,
     is_stopped: Callable[[], bool],
+    log: Callable[[str], None] | None = None,
     pause_s: float = _LOCAL_RETRY_S,
 ) -> zenoh.Session | None:
     """Open a session to a process that may still be starting; None if stopped before.
 
+    ``log`` receives the line about the first failure.
+
     Raises
     ------
     ConfigError
-        If it does not answer in time.
+        If it does not answer in time, or a certificate's file cannot be used.
     """
+    require_usable_files(section)
     deadline = time.monotonic() + patience_s
     while not is_stopped():
         try:
-            return open_session(section)
-        except ConfigError:
-            if time.monotonic() > deadline:
+            return _open_unless_stopped(section, is_stopped)
+        except ConfigError as error:
+            if time.monotonic() >= deadline:
                 raise
-        time.sleep(pause_s)
+            if log is not None:
+                log(f"{error}; trying again every {pause_s:g} s")
+                log = None
+        next_s = time.monotonic() + pause_s
+        while not is_stopped() and time.monotonic() < next_s:
+            time.sleep(min(pause_s, _POLL_S))
+    return None
+
+
+def _open_unless_stopped(
+    section: ZenohSection, is_stopped: Callable[[], bool]
+) -> zenoh.Session | None:
+    """Open a session on a thread: Zenoh waits long for a silent router, and no signal ends it."""
+    outcomes: queue.SimpleQueue[zenoh.Session | Exception] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            outcomes.put(open_session(section))
+        except Exception as error:  # noqa: BLE001 - it is raised on the caller's thread
+            outcomes.put(error)
+
+    threading.Thread(target=work, name="zenoh-open", daemon=True).start()
+    while not is_stopped():
+        with contextlib.suppress(queue.Empty):
+            outcome = outcomes.get(timeout=_POLL_S)
+            if isinstance(outcome, Exception):
+                raise outcome
+            return outcome
     return None

@@ -82,7 +82,7 @@ def run(words: Sequence[str]) -> int:
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
-        session = open_persistently(section, stop, log)
+        session = open_persistently(section, stop.is_set, log)
         if session is None:
             return 0
         with session:

@@ -135,8 +135,8 @@ def _last_step_ns(path: Path) -> int:
         with path.open("rb") as file:
             file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
             lines = file.read().splitlines(keepends=True)
-        whole = [line for line in lines if line.endswith(b"\n")]
-        return int(json.loads(whole[-1])["t"])
+        whole = (json.loads(line) for line in reversed(lines) if line.endswith(b"\n"))
+        return next((int(step["t"]) for step in whole if "t" in step), 0)
     except (OSError, ValueError, KeyError, IndexError, TypeError):
         return 0
 

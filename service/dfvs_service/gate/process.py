@@ -95,12 +95,12 @@ class GateProcess:
         self._event_queue = EventQueue()
         self._journal = Journal(runtime.gate_log)
         self._machine = GateMachine(config.gate_config(), now_ns)
-        self._inputs = InputJournal(runtime.gate_inputs, config.gate_config(), now_ns)
+        self._faults: tuple[str, ...] = ()
+        """What failed that the flight can do without, one line each."""
+        self._inputs = InputJournal(runtime.gate_inputs, config.gate_config(), now_ns, self.report)
         name = config.vehicle.name
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
         self._ipc = IpcServer(runtime, self._authority, self.note, self.report)
-        self._faults: tuple[str, ...] = ()
-        """What failed that the flight can do without, one line each."""
         self._parent_watchdog = ParentWatchdog(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
@@ -151,7 +151,7 @@ class GateProcess:
             now_ns = time.monotonic_ns()
             output = self._machine.step(now_ns, events)
             self._apply(output, link, now_ns)
-            self._inputs.add(now_ns, events, output)
+            self._inputs.add(now_ns, events, output, is_flight=self._is_flight)
             if now_ns >= next_tick:
                 next_tick = max(next_tick + TICK_NS, now_ns - TICK_NS)
                 self._publish(now_ns)
@@ -165,6 +165,11 @@ class GateProcess:
         """Flush the log and the journal."""
         self._journal.close()
         self._inputs.close()
+
+    @property
+    def _is_flight(self) -> bool:
+        """Whether the gate is engaged, or still ends an engagement."""
+        return self._machine.state not in _CHECKED and not self._machine.is_finished
 
     def _collect(self, wait_s: float) -> list[Event]:
         """Wait for something to arrive; return all that has, as events."""

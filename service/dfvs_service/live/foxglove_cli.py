@@ -59,9 +59,9 @@ def _serve(config: ServiceConfig, port: int) -> int:
     from dfvs_service.record.follow import Follower
     from dfvs_service.record.messages.translation import Translation
 
+    follower = Follower(config)
     server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
     log(f"serving ws://{LOOPBACK}:{server.port}")
-    follower = Follower(config)
     handle_ending_signals(follower.stop)
     translation: Translation | None = None
     image, repeat_s = b"", 0.0

@@ -1,7 +1,6 @@
 """HTTP server of metrics from Zenoh telemetry."""
 
 import json
-import math
 import os
 import time
 
@@ -15,7 +14,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.live.metrics import FlightMetrics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_within
+from dfvs_service.zenoh_session import open_persistently, require_usable_files
 
 _STREAMS = ("state", "servo", "timing")
 _CONNECT_PAUSE_S = 0.5
@@ -28,8 +27,9 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
     Raises
     ------
     ConfigError
-        If the address cannot be served on.
+        If the address cannot be served on, or a certificate's file cannot be used.
     """
+    require_usable_files(config.zenoh)
     os.nice(_NICENESS)
     stopped = stop_event()
     registry = CollectorRegistry()
@@ -42,7 +42,7 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
         ) from error
     log(f"serving http://{address}:{server.server_port}/metrics")
     section = operators_zenoh(config.zenoh)
-    session = open_within(section, math.inf, stopped.is_set, _CONNECT_PAUSE_S)
+    session = open_persistently(section, stopped.is_set, log, _CONNECT_PAUSE_S)
     if session is not None:
         with session:
             _kept = _subscribe(session, Topics(config.vehicle.name), metrics)

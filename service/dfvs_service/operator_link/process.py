@@ -13,6 +13,7 @@ from types import FrameType
 
 import zenoh
 
+from dfvs_common.progress import log as log_line
 from dfvs_core.gate.config import Engage
 from dfvs_core.messages.link import CommandAnswer, ForwardedCommand, FromGate
 from dfvs_core.messages.schema import dump, to_json
@@ -26,7 +27,7 @@ from dfvs_service.pace import Pace
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import link_zenoh, open_session
+from dfvs_service.zenoh_session import link_zenoh, open_persistently, open_session
 
 _TURN_S = 0.05
 _MAX_ANSWERS = 64
@@ -66,34 +67,44 @@ class OperatorLink:
         ConfigError
             If Zenoh cannot be opened.
         """
-        zenoh_section = link_zenoh(self._config.zenoh, self._runtime)
-        with open_session(zenoh_section, (self._config.vehicle.name,)) as session:
-            self._telemetry = Telemetry(
-                session, self._topics, self._gate.report, self._flight_feed.put
-            )
-            answers = session.declare_publisher(
-                self._topics.telemetry("answer"),
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.INTERACTIVE_HIGH,
-                express=True,
-            )
-            commands = session.declare_subscriber(self._topics.command, self._on_command)
-            goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
-            watches = self._config.gate.engage is Engage.NEVER
-            name_lease = NameLease(session, self._topics, self._gate.send, watches=watches)
-            while not self._stopped:
-                self._publish_answer(answers)
-                name_lease.show(self._state)
-                name_lease.notify()
-            name_lease.close()
-            del commands, goals
-            self._telemetry.close()
+        session = self._open()
+        if session is not None:
+            with session:
+                self._serve(session)
         self._flight_feed.close()
         self._gate.close()
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end."""
         self._stopped = True
+
+    def _open(self) -> zenoh.Session | None:
+        """Open Zenoh's listening end, or wait for the router; None if stopped before."""
+        section = link_zenoh(self._config.zenoh, self._runtime)
+        if section.mode == "client":
+            return open_persistently(section, lambda: self._stopped, _warn)
+        return open_session(section, (self._config.vehicle.name,))
+
+    def _serve(self, session: zenoh.Session) -> None:
+        """Publish and forward until told to stop."""
+        self._telemetry = Telemetry(session, self._topics, self._gate.report, self._flight_feed.put)
+        answers = session.declare_publisher(
+            self._topics.telemetry("answer"),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+        commands = session.declare_subscriber(self._topics.command, self._on_command)
+        goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
+        watches = self._config.gate.engage is Engage.NEVER
+        name_lease = NameLease(session, self._topics, self._gate.send, watches=watches)
+        while not self._stopped:
+            self._publish_answer(answers)
+            name_lease.show(self._state)
+            name_lease.notify()
+        name_lease.close()
+        del commands, goals
+        self._telemetry.close()
 
     def _on_gate(self, message: FromGate) -> None:
         """Thread of the gate's datagrams: offer states at their rate, and every answer."""
@@ -128,3 +139,7 @@ class OperatorLink:
     def _forward(self, command: ForwardedCommand | None) -> None:
         if command is not None:
             self._gate.send(command)
+
+
+def _warn(line: str) -> None:
+    log_line(f"warning: {line}")

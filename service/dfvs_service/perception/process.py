@@ -49,7 +49,7 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import inner_zenoh, open_within
+from dfvs_service.zenoh_session import inner_zenoh, open_persistently, open_within
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
@@ -104,7 +104,10 @@ class PerceptionProcess:
         self._last_frame_ns = time.monotonic_ns()
         section = config.telemetry
         self._images = TelemetryImages(
-            self._clock, config.servo.min_confidence, section.preview_quality
+            self._clock,
+            config.servo.min_confidence,
+            section.preview_quality,
+            self._flight_feed.max_bytes,
         )
         self._preview_pace = Pace.of_rate(section.preview_hz)
         self._flow_pace = Pace.of_rate(section.flow_hz)
@@ -117,8 +120,7 @@ class PerceptionProcess:
 
     def run(self) -> None:
         """Work until told to stop."""
-        section = inner_zenoh(self._config.zenoh, self._runtime)
-        session = open_within(section, _LINK_PATIENCE_S, lambda: self._stopped)
+        session = self._open()
         if session is None:
             return
         with session:
@@ -145,6 +147,19 @@ class PerceptionProcess:
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end after the frame at hand."""
         self._stopped = True
+
+    def _open(self) -> zenoh.Session | None:
+        """Connect to the operator link, or wait for the router; None if stopped before."""
+        config = self._config.zenoh
+        section = inner_zenoh(config, self._runtime)
+        if config.mode == "client":
+            return open_persistently(section, lambda: self._stopped, self._send_fault)
+        return open_within(section, _LINK_PATIENCE_S, lambda: self._stopped)
+
+    def _send_fault(self, text: str) -> None:
+        """Tell the gate why there are no frames."""
+        log.warning("%s", text)
+        self._send(unhealthy_report(0, 0, text))
 
     def _build_frame_processor(self, goal: Goal) -> FrameProcessor:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)

@@ -1,16 +1,16 @@
 """Subscription to one vehicle's frame records over Zenoh."""
 
-import math
 import os
 import time
 from collections.abc import Iterator
 from types import FrameType
 
+from dfvs_common.progress import log
 from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.record.listener import Event, RecordListener
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_within
+from dfvs_service.zenoh_session import open_persistently, require_usable_files
 
 _WAIT_S = 0.2
 _DRAIN_S = 0.5
@@ -19,9 +19,16 @@ _NICENESS = 5
 
 
 class Follower:
-    """Follows a service, which may come and go, until told to stop."""
+    """Follows a service, which may come and go, until told to stop.
+
+    Raises
+    ------
+    ConfigError
+        If a certificate's file cannot be used.
+    """
 
     def __init__(self, config: ServiceConfig) -> None:
+        require_usable_files(config.zenoh)
         self._config = config
         self._stopped = False
         self.dropped = 0
@@ -35,7 +42,7 @@ class Follower:
         # Whoever only looks must not take time from the flight.
         os.nice(_NICENESS)
         section = operators_zenoh(self._config.zenoh)
-        session = open_within(section, math.inf, lambda: self._stopped, _CONNECT_PAUSE_S)
+        session = open_persistently(section, lambda: self._stopped, log, _CONNECT_PAUSE_S)
         if session is None:
             return
         with session:

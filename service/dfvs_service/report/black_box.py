@@ -1,6 +1,6 @@
 """Reader of a flight from its black box."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -110,20 +110,13 @@ def _add_event(builder: SeriesBuilder, event: Event) -> None:
 
 
 def _steps(path: Path) -> Iterator[Step]:
-    """Steps of the gate up to a gap, a damaged line or the end."""
+    """Recorded steps of the gate up to a damaged line or the end."""
     try:
         with path.open(encoding="utf-8", errors="replace") as lines:
             read_start(next(lines, ""))
-            yield from _before_gap(read_steps(lines))
+            yield from (step for step in read_steps(lines) if isinstance(step, Step))
     except (OSError, WireError):
         return
-
-
-def _before_gap(steps: Iterable[Step | int]) -> Iterator[Step]:
-    for step in steps:
-        if isinstance(step, int):
-            return
-        yield step
 
 
 def _telemetry(folder: Path, stream: str) -> Iterator[dict[str, Any]]:

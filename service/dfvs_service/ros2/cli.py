@@ -78,7 +78,7 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
 
     link: Ros2Link = arguments.link
     with contextlib.ExitStack() as stack:
-        service = open_persistently(operators_zenoh(config.zenoh), stop, _log)
+        service = open_persistently(operators_zenoh(config.zenoh), stop.is_set, _log)
         if service is None:
             return
         ros = stack.enter_context(service)
@@ -86,7 +86,7 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
             section = dataclasses.replace(
                 config.zenoh, mode="client", connect=(arguments.ros,), listen=()
             )
-            other = open_persistently(section, stop, _log)
+            other = open_persistently(section, stop.is_set, _log)
             if other is None:
                 return
             ros = stack.enter_context(other)

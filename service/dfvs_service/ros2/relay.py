@@ -4,14 +4,15 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import zenoh
 
+from dfvs_common.clock import local_clock
 from dfvs_common.ros2 import Ros2Publisher
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame import decode_header
+from dfvs_core.messages.frame import FrameHeader, decode_header
 from dfvs_core.messages.ros2 import Ros2Link, Ros2Node, Ros2Topic
 from dfvs_core.messages.topics import Topics
 from dfvs_service.ros2.telemetry import (
@@ -22,6 +23,9 @@ from dfvs_service.ros2.telemetry import (
     preview_message,
     setpoint_message,
 )
+
+_SERVO_AGE_NS = 1_000_000_000
+"""Figures of a frame are left out once they are older."""
 
 log = logging.getLogger("dfvs.ros2")
 
@@ -38,6 +42,8 @@ class Relay:
     link : {"rmw", "bridge"}
     domain : int
         ROS domain.
+    tick : callable
+        Monotonic time, ns.
     """
 
     def __init__(
@@ -46,11 +52,15 @@ class Relay:
         sessions: tuple[zenoh.Session, zenoh.Session],
         link: Ros2Link,
         domain: int,
+        tick: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         service, ros = sessions
         self._vehicle = vehicle
         self._lock = threading.Lock()
+        self._tick = tick
         self._servo: Mapping[str, Any] = {}
+        self._servo_ns = tick()
+        """Time of arrival: the document's own may be by another machine's clock."""
         space = vehicle.replace("-", "_")
         node = Ros2Node(str(ros.zid()), f"dfvs_{space}", domain)
         names = (
@@ -79,7 +89,7 @@ class Relay:
         document = _document(sample)
         if document is not None:
             with self._lock:
-                self._servo = document
+                self._servo, self._servo_ns = document, self._tick()
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         document = _document(sample)
@@ -87,7 +97,8 @@ class Relay:
             return
         stamp_ns = time.time_ns()
         with self._lock:
-            servo = self._servo
+            is_old = bool(self._servo) and self._tick() - self._servo_ns > _SERVO_AGE_NS
+            servo = None if is_old else self._servo
         try:
             twist = setpoint_message(document, stamp_ns)
             report = diagnostics_message(self._vehicle, document, servo, stamp_ns)
@@ -100,12 +111,20 @@ class Relay:
     def _on_preview(self, sample: zenoh.Sample) -> None:
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         try:
-            t_capture_ns = decode_header(attachment).t_capture_ns
+            header = decode_header(attachment)
         except WireError as error:
             log.warning("preview left out: %s", error)
             return
-        stamp_ns = t_capture_ns + time.time_ns() - time.monotonic_ns()
+        stamp_ns = _stamp_ns(header)
         self._previews.put(preview_message(sample.payload.to_bytes(), stamp_ns), stamp_ns)
+
+
+def _stamp_ns(header: FrameHeader) -> int:
+    """Wall-clock time of capture, or of arrival where another machine's clock stamped the frame."""
+    now_ns = time.time_ns()
+    if header.clock != local_clock():
+        return now_ns
+    return header.t_capture_ns + now_ns - time.monotonic_ns()
 
 
 def _document(sample: zenoh.Sample) -> Mapping[str, Any] | None:

@@ -51,7 +51,7 @@ def setpoint_message(state: Mapping[str, Any], stamp_ns: int) -> Any:
 
 
 def diagnostics_message(
-    vehicle: str, state: Mapping[str, Any], servo: Mapping[str, Any], stamp_ns: int
+    vehicle: str, state: Mapping[str, Any], servo: Mapping[str, Any] | None, stamp_ns: int
 ) -> Any:
     """DiagnosticArray of the gate's state with its cause, and of the last frame's figures.
 
@@ -59,21 +59,26 @@ def diagnostics_message(
     ----------
     vehicle : str
         Name of the vehicle.
-    state, servo : mapping
-        The service's documents; ``servo`` may be empty.
+    state : mapping
+        The service's document.
+    servo : mapping or None
+        Its document on the last frame, empty where there was none yet; None where it is old.
     stamp_ns : int
         Wall-clock time.
     """
     name = str(state["state"])
     level = _LEVELS.get(name, _WARN)
+    figures = servo or {}
     values = [
         _pair("mode", state.get("mode")),
         _pair("battery", state.get("battery")),
         _pair("distance_m", state.get("distance_m")),
-        *(_pair(key, servo.get(key)) for key in _SERVO_VALUES),
-        *_velocity_error(servo.get("velocity_error")),
+        *(_pair(key, figures.get(key)) for key in _SERVO_VALUES),
+        *_velocity_error(figures.get("velocity_error")),
     ]
     message = f"{name}: {state.get('cause', '')}".rstrip(": ")
+    if servo is None:
+        message += " (no figures of a frame for over 1 s)"
     status = make(
         "diagnostic_msgs/msg/DiagnosticStatus",
         level,

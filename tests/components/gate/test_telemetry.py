@@ -75,3 +75,12 @@ def test_the_black_box_gets_its_streams_and_what_is_told_once_also_when_it_comes
     assert set(kept) == {("goal", b"early"), ("build", b"early")} | late
     published = {key.rpartition("/")[2] for key in heard}
     assert not {"thumbnail", "build"} & published
+
+
+def test_the_black_box_gets_the_reduced_copy_of_what_is_too_large_for_it(zenoh_config):
+    kept = []
+    with open_session(zenoh_config) as session:
+        telemetry = Telemetry(session, TOPICS, print, lambda *record: kept.append(record) or True)
+        telemetry.offer("goal", lambda: Note(b"large", kept=b"small"))
+        telemetry.close()
+    assert kept == [("goal", b"small")]

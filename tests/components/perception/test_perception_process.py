@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
-from loopback import peer
+from loopback import free_endpoint, peer
 from textured_wall import Wall, texture
 
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import (
     BOOT_ID_FILE,
@@ -325,5 +326,24 @@ def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
         rig.process.kill()
         # Its end of the error pipe closes when it is gone, and no sooner.
         rig.process.communicate(timeout=STARTUP_S)
+    finally:
+        rig.close()
+
+
+class RouterRig(Rig):
+    """The process as a client of a router that is not there yet."""
+
+    endpoint = free_endpoint()
+    overrides: ClassVar[dict[str, object]] = {"zenoh.mode": "client", "zenoh.connect": [endpoint]}
+
+
+def test_a_router_that_comes_later_is_awaited_and_its_absence_reported(tmp_path):
+    rig = RouterRig(tmp_path, Wall(texture(np.random.default_rng(20))).picture())
+    try:
+        assert "Zenoh cannot be opened" in rig.report().reason
+        with open_session("router", (), (rig.endpoint,)):
+            rig.report_where(lambda report: "no camera frame" in report.reason)
+        rig.process.terminate()
+        assert rig.process.wait(STARTUP_S) == 0
     finally:
         rig.close()

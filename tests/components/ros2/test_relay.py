@@ -7,7 +7,9 @@ import time
 import numpy as np
 import pytest
 from loopback import free_endpoint, peer
+from waiting import until
 
+from dfvs_common.clock import local_clock
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.ros2 import decode_attachment
 from dfvs_core.messages.topics import Topics
@@ -17,6 +19,8 @@ from dfvs_service.ros2.relay import Relay
 TOPICS = Topics("swift-2")
 STATE = {"state": "SERVO", "cause": "", "setpoint": [0.1, 0.2, 0.3, 0.4]}
 TWIST = "geometry_msgs/msg/TwistStamped"
+PREVIEW = "sensor_msgs/msg/CompressedImage"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 class Rig:
@@ -28,7 +32,8 @@ class Rig:
         self.arrived = queue.Queue()
         self.subscriber = self.ros.declare_subscriber("**", self.arrived.put)
         self.inner = peer(connect=ports[:1]), peer(connect=ports[1:])
-        self.relay = Relay(TOPICS.vehicle, self.inner, link, 3)
+        self.now_ns = 0
+        self.relay = Relay(TOPICS.vehicle, self.inner, link, 3, lambda: self.now_ns)
 
     def close(self):
         for session in (*self.inner, self.service, self.ros):
@@ -74,25 +79,64 @@ def test_bad_telemetry_is_left_out_and_the_next_one_sent(rig):
     for bad in (b"", b"[]", b'{"state": "SERVO"}', b'{"state": 1, "setpoint": [1]}', b"\xff"):
         rig.service.put(TOPICS.telemetry("state"), bad)
         rig.service.put(TOPICS.telemetry("preview"), bad, attachment=b"no header")
-    key = "diagnostics"
-    if rig.link == "rmw":
-        dds = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
-        key = f"3/{key}/{dds}/{type_hash('diagnostic_msgs/msg/DiagnosticArray')}"
-    assert rig.publish_until("state", json.dumps(STATE).encode(), key) is not None
+    state = json.dumps(STATE).encode()
+    assert rig.publish_until("state", state, diagnostics_key(rig.link)) is not None
 
 
 def test_the_preview_keeps_its_time_of_capture(rig):
     picture = np.zeros((16, 16, 3), np.uint8)
     capture_ns = time.monotonic_ns() - 50_000_000
-    jpeg, attachment = encode_frame(Frame(picture, capture_ns, 1), PixelFormat.JPEG)
-    kind = "sensor_msgs/msg/CompressedImage"
-    key = "swift_2/dfvs/preview/compressed"
-    if rig.link == "rmw":
-        key = f"3/{key}/sensor_msgs::msg::dds_::CompressedImage_/{type_hash(kind)}"
-    message = decode(kind, rig.publish_until("preview", jpeg, key, attachment).payload.to_bytes())
+    jpeg, attachment = encode_frame(Frame(picture, capture_ns, 1), PixelFormat.JPEG, local_clock())
+    sample = rig.publish_until("preview", jpeg, preview_key(rig.link), attachment)
+    message = decode(PREVIEW, sample.payload.to_bytes())
     assert message.data.tobytes() == jpeg
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
     assert abs(stamp_ns - (capture_ns + time.time_ns() - time.monotonic_ns())) < 100_000_000
+
+
+def preview_key(link):
+    key = "swift_2/dfvs/preview/compressed"
+    if link == "rmw":
+        key = f"3/{key}/sensor_msgs::msg::dds_::CompressedImage_/{type_hash(PREVIEW)}"
+    return key
+
+
+def diagnostics_key(link):
+    dds = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
+    return f"3/diagnostics/{dds}/{type_hash(DIAGNOSTICS)}" if link == "rmw" else "diagnostics"
+
+
+def test_a_preview_of_another_machine_has_its_time_of_arrival(rig):
+    picture = np.zeros((16, 16, 3), np.uint8)
+    other_ns = time.monotonic_ns() + 10**15
+    frame = Frame(picture, other_ns, 1)
+    jpeg, attachment = encode_frame(frame, PixelFormat.JPEG, b"another machine!")
+    sample = rig.publish_until("preview", jpeg, preview_key(rig.link), attachment)
+    message = decode(PREVIEW, sample.payload.to_bytes())
+    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    assert 0 <= time.time_ns() - stamp_ns < 60 * 10**9
+
+
+def test_figures_of_a_frame_are_left_out_once_they_are_old(rig):
+    def status():
+        payload, key = json.dumps(STATE).encode(), diagnostics_key(rig.link)
+        sample = rig.publish_until("state", payload, key)
+        (only,) = decode(DIAGNOSTICS, sample.payload.to_bytes()).status
+        return only.message, [value.key for value in only.values]
+
+    def seen():
+        rig.service.put(TOPICS.telemetry("servo"), b'{"error_m": 0.25}')
+        return "error_m" in status()[1]
+
+    def aged():
+        rig.now_ns += 1_500_000_000  # once more where a document was still under way
+        return "error_m" not in status()[1]
+
+    assert until(seen)
+    assert until(aged)
+    assert status()[0] == "SERVO (no figures of a frame for over 1 s)"
+    assert until(seen)
+    assert status()[0] == "SERVO"
 
 
 def test_rmw_zenoh_finds_node_and_publishers_by_their_tokens():

@@ -45,5 +45,15 @@ def test_a_goal_of_a_few_hundred_kilobytes_fits(feed, box):
     assert len(split_record(box.recv(1 << 20))[1]) == 300_000
 
 
-def test_a_record_that_is_too_large_is_dropped(feed, box):
-    assert not feed.put("goal", bytes(10_000_000))
+def test_a_record_of_the_largest_size_fits(feed, box):
+    assert feed.put("thumbnail", bytes(feed.max_bytes))
+    assert len(split_record(box.recv(1 << 20))[1]) == feed.max_bytes
+
+
+def test_a_record_that_is_too_large_is_dropped_for_good_and_said_once(feed, box, capsys):
+    assert feed.put("goal", bytes(10_000_000))
+    assert feed.put("goal", bytes(10_000_000))
+    assert feed.put("build", b"{}")
+    assert split_record(box.recv(100)) == ("build", b"{}")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: the black box lacks a record of 'goal'")

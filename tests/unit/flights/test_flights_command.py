@@ -91,6 +91,14 @@ def test_a_flight_that_was_cut_off_is_read_as_far_as_it_goes(tail, flights, caps
     assert page["duration_s"] == 7.0
 
 
+def test_a_flight_whose_inputs_end_with_a_gap_lasts_until_their_last_step(flights, capsys):
+    folder = fly(flights, SERVO, [])
+    (folder / "gate-inputs.jsonl").write_bytes(
+        b'{"t":%d,"in":[],"out":{}}\n{"gap": 3}\n' % (START_NS + 7 * S)
+    )
+    assert shown(capsys)["duration_s"] == 7.0
+
+
 @pytest.mark.parametrize("content", [None, b"", b"\0" * 80, b"{"])
 def test_a_flight_without_its_header_is_known_by_its_name(content, flights, capsys):
     folder = fly(flights, SERVO, [], vehicle="drone2")

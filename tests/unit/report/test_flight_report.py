@@ -148,6 +148,14 @@ def test_curves_go_as_far_as_the_records(tail, bare):
     assert series_of(bare).error_m == [(1.0, 3.0)]
 
 
+def test_curves_go_on_after_steps_that_were_left_out(bare):
+    write_inputs(bare, [(1, [report(1, 3.0)])])
+    with (bare / "gate-inputs.jsonl").open("a") as file:
+        step = encode_step(START_NS + 2 * S, [report(2, 2.0)], OUTPUT)
+        file.write(f"{encode_gap(3)}\n{step}\n")
+    assert (2.0, 2.0) in series_of(bare).error_m
+
+
 def test_the_page_says_what_happened(flight):
     text = flight_page(flight)
     assert '<header class="bad">' in text

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from gate_rehearsal import Rehearsal, auto_config
 
-from dfvs_core.gate.replay import encode_start, replay
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.config import S
+from dfvs_core.gate.events import VehicleMode
+from dfvs_core.gate.replay import encode_start, read_steps, replay
+from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_service.cli import main
 from dfvs_service.gate.input_journal import MAX_WAITING, InputJournal
 
@@ -17,12 +19,13 @@ class Journalled(Rehearsal):
     """A rehearsal of which the service's own journal is written."""
 
     def write_to(self, path, **options):
-        self.journal = InputJournal(path, self.config, self.now_ns, **options)
+        self.reported = []
+        self.journal = InputJournal(path, self.config, self.now_ns, self.reported.append, **options)
         return self
 
     def send(self, events):
         output = super().send(events)
-        self.journal.add(self.now_ns, events, output)
+        self.journal.add(self.now_ns, events, output, is_flight=self.state in ENGAGED)
         return output
 
 
@@ -62,6 +65,7 @@ def test_a_full_disk_ends_the_journal_and_stops_nobody():
     gate = Journalled(auto_config()).write_to(Path("/dev/full"))  # accepts no byte
     gate.until(GateState.SERVO)
     assert gate.journal.has_ended
+    assert gate.reported == ["the gate keeps no more of full: No space left on device"]
     gate.journal.close()
 
 
@@ -73,15 +77,45 @@ def test_a_slow_disk_ends_the_journal_and_blocks_nobody(tmp_path):
     for _ in range(2 * MAX_WAITING):
         gate.tick()
     assert gate.journal._lost > 0
+    assert gate.reported == ["the gate keeps no more of pipe: the disk is too slow"]
     gate.journal.close(0.05)
     os.close(reader)
 
 
-def test_the_journal_ends_at_its_greatest_size(tmp_path):
+def test_the_journal_ends_at_its_greatest_size_and_says_so(tmp_path):
     path = tmp_path / "journal"
     start = len(encode_start(auto_config(), 0))
-    gate = Journalled(auto_config()).write_to(path, max_bytes=start + 20_000)
+    gate = Journalled(auto_config()).write_to(path, max_bytes=2 * start + 20_000)
     gate.until(GateState.SERVO).journal.close(5.0)
-    assert path.stat().st_size <= start + 20_000
+    assert gate.reported == ["the gate keeps no more of journal: it is as large as it may be"]
+    assert path.stat().st_size <= 2 * start + 20_000
     with path.open() as lines:
-        assert 0 < replay(lines).steps < 100
+        result = replay(lines)
+    assert 0 < result.steps < 200
+    assert result.gap == f"1 or more steps are missing after step {result.steps}"
+
+
+def test_a_flight_after_a_long_wait_is_in_the_journal(tmp_path):
+    path = tmp_path / "journal"
+    gate = Journalled(auto_config()).write_to(path, max_bytes=900_000)
+    gate.vehicle.in_air = False
+    gate.run(20.0)
+    gate.vehicle.in_air = True
+    gate.until(GateState.SERVO)
+    gate.beat(mode=VehicleMode.POSITION)
+    assert gate.state is GateState.RELEASED
+    released_ns = gate.now_ns
+    gate.run(10.0)
+    gate.journal.close(5.0)
+    assert gate.reported == []
+    with path.open() as file:
+        lines = file.readlines()
+    steps = list(read_steps(lines[1:]))
+    gap, last = (i for i, step in enumerate(steps) if isinstance(step, int))
+    assert last == len(steps) - 1
+    flight = steps[gap + 1 : last]
+    changes = [(step.t_ns, to[1]) for step in flight for to in step.encoded.get("to", [])]
+    assert [state for _, state in changes] == ["ENGAGE", "SERVO", "RELEASED"]
+    assert flight[0].t_ns == pytest.approx(changes[0][0] - 5 * S, abs=S // 10)
+    assert flight[-1].t_ns == pytest.approx(released_ns + 5 * S, abs=S // 10)
+    assert replay(lines).gap.startswith(f"{steps[gap]} or more steps are missing")

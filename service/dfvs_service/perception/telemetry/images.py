@@ -1,5 +1,6 @@
 """Telemetry images: preview, goal image and flow."""
 
+import dataclasses
 from typing import cast
 
 import cv2
@@ -8,11 +9,14 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.perception.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
 from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
+_REDUCED_QUALITIES = (75, 60, 45)
+"""Of a goal image for the black box that is too large at full quality."""
 _THUMBNAIL_QUALITY = 70
 _THUMBNAIL_WIDTH = 240
 """Width of the black box's views, px."""
@@ -29,12 +33,17 @@ class TelemetryImages:
         The preview shows no flow below.
     quality : int
         JPEG quality of the preview, 1 to 100.
+    max_kept_bytes : int, optional
+        Size that fits into a record of the black box; by default any does.
     """
 
-    def __init__(self, clock: bytes, min_confidence: float, quality: int) -> None:
+    def __init__(
+        self, clock: bytes, min_confidence: float, quality: int, max_kept_bytes: int | None = None
+    ) -> None:
         self._clock = clock
         self._min_confidence = min_confidence
         self._quality = quality
+        self._max_kept_bytes = max_kept_bytes
 
     def preview(self, frame: Frame, flow: FlowField) -> Note:
         """JPEG of the view with the flow drawn on it, as a frame on the wire."""
@@ -49,8 +58,15 @@ class TelemetryImages:
         return self._jpeg(Frame(small, frame.t_capture_ns, frame.seq), _THUMBNAIL_QUALITY)
 
     def goal(self, image: ImageArray, t_ns: int) -> Note:
-        """JPEG of the goal image (H, W, 3), stamped with the time of publishing."""
-        return self._jpeg(Frame(image, t_ns, 0), _GOAL_QUALITY)
+        """JPEG of the goal image (H, W, 3), stamped with the time of publishing.
+
+        The black box keeps a reduced one where it is too large.
+        """
+        note = self._jpeg(Frame(image, t_ns, 0), _GOAL_QUALITY)
+        limit = self._max_kept_bytes
+        if limit is None or len(note.payload) <= limit:
+            return note
+        return dataclasses.replace(note, kept=_reduced_jpeg(image, limit))
 
     def flow(self, frame: Frame, flow: FlowField) -> Note:
         """Coarse grid of the flow to the goal."""
@@ -60,6 +76,18 @@ class TelemetryImages:
     def _jpeg(self, frame: Frame, quality: int) -> Note:
         payload, attachment = encode_frame(frame, PixelFormat.JPEG, self._clock, quality)
         return Note(payload, "image/jpeg", attachment)
+
+
+def _reduced_jpeg(image: ImageArray, max_bytes: int) -> bytes:
+    """JPEG of an image (H, W, 3) of a lower quality, and of half the size until it fits."""
+    for quality in _REDUCED_QUALITIES:
+        if len(jpeg := encode_jpeg(image, quality)) <= max_bytes:
+            return jpeg
+    height, width = image.shape[:2]
+    if min(height, width) < 2:
+        return jpeg
+    half = cv2.resize(image, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    return _reduced_jpeg(cast(ImageArray, half), max_bytes)
 
 
 def _of_frame(flow: FlowField, frame: Frame) -> FlowField:

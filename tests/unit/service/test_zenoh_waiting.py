@@ -1,0 +1,64 @@
+"""Waiting for a router: what is said, and what ends at once."""
+
+import itertools
+
+import numpy as np
+import pytest
+from loopback import free_endpoint
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.messages.image import encode_png
+from dfvs_service.camera import cli as camera_cli
+from dfvs_service.live import foxglove_cli, metrics_cli
+from dfvs_service.record import cli as record_cli
+from dfvs_service.ros2 import cli as ros2_cli
+from dfvs_service.settings.sections import ZenohSection
+from dfvs_service.zenoh_session import open_persistently, open_within
+
+
+def stopped_after(calls):
+    counted = itertools.count()
+    return lambda: next(counted) >= calls
+
+
+@pytest.mark.parametrize(
+    ("main", "words"),
+    [
+        (record_cli.main, ("--out", "recordings")),
+        (foxglove_cli.main, ("--port", "0")),
+        (metrics_cli.main, ("--port", "0")),
+        (ros2_cli.main, ()),
+        (camera_cli.main, ("--source", "goal.png")),
+    ],
+)
+def test_a_private_key_that_cannot_be_read_ends_a_command(
+    main, words, tmp_path, refused, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "goal.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    config = tmp_path / "client.toml"
+    config.write_text(
+        f'[zenoh]\nmode = "client"\nconnect = ["{free_endpoint()}"]\n'
+        '[zenoh.tls]\nca = "none.pem"\ncertificate = "none.pem"\nkey = "none.key"\n'
+    )
+    assert "zenoh.tls.ca" in refused(main, *words, "--config", config)
+
+
+def test_a_router_that_is_missing_is_said_once():
+    said = []
+    section = ZenohSection("client", (free_endpoint(),), ())
+    assert open_persistently(section, stopped_after(20), said.append, 0.0) is None
+    (line,) = said
+    assert line.startswith("Zenoh cannot be opened")
+    assert line.endswith("trying again every 0 s")
+
+
+def test_waiting_ends_with_the_error_where_the_time_is_up():
+    section = ZenohSection("client", (free_endpoint(),), ())
+    with pytest.raises(ConfigError, match="cannot be opened"):
+        open_within(section, 0.0, lambda: False)
+
+
+def test_a_peer_is_not_tried_again():
+    with pytest.raises(ConfigError):
+        open_persistently(ZenohSection("peer", (), ("tcp/999.0.0.1:1",)), lambda: False, print)
