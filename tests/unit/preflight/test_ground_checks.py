@@ -13,7 +13,7 @@ from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
@@ -61,6 +61,22 @@ def test_a_goal_of_another_calibration_is_a_cross(name, factor, word):
 def test_calibrations_of_the_same_camera_may_differ_a_little():
     other = dataclasses.replace(CAMERA, fx=CAMERA.fx * 1.019, cy=CAMERA.cy + 0.9)
     assert camera_check(config(), goal(other)).ok
+
+
+def test_a_goal_of_another_mounting_is_a_warning_that_names_both():
+    taken_level = Goal(goal().image, GoalSidecar(CAMERA))
+    check = camera_check(config(**{"camera.mount.pitch_deg": -20}), taken_level)
+    assert not check.ok
+    assert not check.refuses
+    assert "pitch 0.0, yaw 0.0 deg (its sidecar's mount)" in check.detail
+    assert "pitch -20.0, yaw 0.0 deg (camera.mount)" in check.detail
+    assert "--config" in check.remedy
+
+
+def test_mountings_of_the_same_camera_may_differ_a_little_and_in_position():
+    mount = Mount(x_m=0.2, pitch_rad=np.radians(-20.4))
+    taken = Goal(goal().image, GoalSidecar(CAMERA, mount=mount))
+    assert camera_check(config(**{"camera.mount.pitch_deg": -20}), taken).ok
 
 
 def test_the_classical_matcher_needs_no_files():
