@@ -19,6 +19,7 @@ from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
     MATCH_BUDGET_NS,
     command_check,
+    error_check,
     exposure_checks,
     model_check,
     speed_check,
@@ -96,6 +97,23 @@ def test_a_model_whose_file_was_changed_is_a_cross(tmp_path):
     assert check.remedy
 
 
+def test_a_folder_without_a_manifest_says_what_was_expected(tmp_path):
+    check, _ = model_check(config(flow__model=str(tmp_path)))
+    assert check.remedy == "expected all files of a bundle"
+
+
+@pytest.mark.parametrize(
+    ("error", "remedy"),
+    [
+        (ConfigError("bad"), ""),
+        (ConfigError("bad", "good"), "expected good"),
+        (ConfigError("bad", "", "mend it"), "mend it"),
+    ],
+)
+def test_the_remedy_of_an_error_has_only_what_the_error_says(error, remedy):
+    assert error_check("x", error).remedy == remedy
+
+
 class Matcher:
     """Takes as long as it is told, on the clock of the test."""
 
@@ -135,7 +153,11 @@ def test_a_model_that_fails_at_work_is_a_cross():
 
     matcher = Broken()
     check = speed_check(config(), matcher, goal(), matcher.tick)
-    assert (check.ok, check.detail, check.remedy) == (False, "it gives NaN", "use another one")
+    assert (check.ok, check.detail, check.remedy) == (
+        False,
+        "it gives NaN",
+        "expected numbers; use another one",
+    )
 
 
 def test_what_leaves_this_machine_unprotected_is_a_cross_that_refuses_nothing():
@@ -168,7 +190,7 @@ def test_a_camera_that_does_not_fit_the_goal_leaves_the_vehicle_unchecked():
     report = check_camera_and_model(config(), problem)
     found = {check.name: check for check in report.checks}
     assert not report.ok
-    assert found["camera"].remedy == "take another one"
+    assert found["camera"].remedy == "expected 64 x 48 px; take another one"
     assert found["vehicle"].detail == "not checked"
 
 
