@@ -199,10 +199,21 @@ def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
     for scene in scenes:
         if scene.suffix.lower() != ".glb" or not scene.is_file():
             raise ConfigError(f"--scene {scene} is no GLB file", "a file; --scenes takes names")
+    check_names(scenes, taken)
+    return scenes
+
+
+def check_names(scenes: Sequence[Path], taken: Sequence[str] = ()) -> None:
+    """Refuse scenes whose names without the ending are not unique, or are ``taken``.
+
+    Raises
+    ------
+    ConfigError
+        If there are any.
+    """
     names = [*taken, *(scene.stem for scene in scenes)]
     if len(set(names)) < len(names):
         raise ConfigError(f"tasks are named {', '.join(names)}", "names of their own")
-    return scenes
 
 
 def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:

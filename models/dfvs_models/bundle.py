@@ -48,7 +48,7 @@ def _read(folder: Path, name: str, most_bytes: int) -> bytes:
     if path.resolve().parent != folder.resolve():
         raise ModelError(f"{name!r} leads out of the bundle {str(folder)!r}", "a file inside it")
     if not path.is_file():
-        raise ModelError(f"bundle {str(folder)!r} lacks the file {name!r}")
+        raise ModelError(f"bundle {str(folder)!r} lacks the file {name!r}", "all files of a bundle")
     try:
         with path.open("rb") as file:
             data = file.read(most_bytes + 1)

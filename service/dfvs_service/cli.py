@@ -31,7 +31,7 @@ from dfvs_service.route.cli import run as teach
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text
 from dfvs_service.settings.exposure import exposure_warnings
-from dfvs_service.settings.goal_file import goal_command, read_image, route_images
+from dfvs_service.settings.goal_file import goal_command, read_image, read_sidecar, route_images
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.console import shows_colours
@@ -243,7 +243,9 @@ def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace
     # ONNX Runtime is needed here, and takes its time to load.
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
-    read_image(goal_path)  # a goal that cannot be read is no cross, but nothing to check by
+    # A goal that cannot be read is no cross, but nothing to check by.
+    read_image(goal_path)
+    read_sidecar(goal_path)
     drawn: list[ImageArray] = []
     try:
         config, goal = resolve(config, goal_path)

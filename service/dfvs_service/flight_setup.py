@@ -63,7 +63,7 @@ def check_ports(config: ServiceConfig) -> None:
 def check_camera(config: ServiceConfig, goal_path: Path, goal: Goal) -> None:
     """Refuse a goal of another camera than the one that flies."""
     check = camera_check(config, goal)
-    if not check.ok:
+    if check.refuses:
         raise ConfigError(f"goal image {goal_path}: {check.detail}", remedy=check.remedy)
 
 

@@ -12,6 +12,7 @@ import socket
 from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError
+from dfvs_service.settings.endpoints import is_loopback
 from dfvs_service.settings.sections import ZenohSection
 
 _ZENOH_KINDS = {
@@ -23,6 +24,7 @@ _ZENOH_KINDS = {
 }
 _MAVLINK_KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
 _KIND_NAMES = {socket.SOCK_STREAM: "TCP", socket.SOCK_DGRAM: "UDP"}
+_CONNECT_S = 0.2
 _NEXT_PORTS = 100
 """So many ports after a taken one are tried before any other is proposed."""
 
@@ -40,6 +42,18 @@ class LocalPort:
         with contextlib.suppress(socket.gaierror):
             places = socket.getaddrinfo(self.host, self.port, type=self.kind)
             return any(_is_bound(family, kind, address) for family, kind, _, _, address in places)
+        return False
+
+    def is_unheard(self) -> bool:
+        """Whether a connection on loopback is refused, since nobody listens; else unknown."""
+        if self.kind != socket.SOCK_STREAM or not is_loopback(f"{self.host}:{self.port}"):
+            return False
+        try:
+            socket.create_connection((self.host, self.port), _CONNECT_S).close()
+        except ConnectionRefusedError:
+            return True
+        except OSError:
+            return False
         return False
 
     def next_free(self) -> int:

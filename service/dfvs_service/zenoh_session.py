@@ -16,7 +16,7 @@ import zenoh.ext
 from dfvs_common import zenoh_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles
-from dfvs_service.ports import require_free_zenoh_ports
+from dfvs_service.ports import require_free_zenoh_ports, zenoh_port
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.settings.sections import ZenohSection
@@ -50,12 +50,26 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
     try:
         return zenoh_session.open_session(config.mode, config.connect, listen, encryption)
     except ConfigError as error:
+        if config.mode == "client":
+            raise _unreachable(config, error.problem) from error
         require_free_zenoh_ports(config)
         raise ConfigError(
             error.problem,
-            "a free listen endpoint, and a running router for mode client",
+            "a free listen endpoint",
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error
+
+
+def _unreachable(config: ZenohSection, problem: str) -> ConfigError:
+    """Error of a client that reaches neither a service nor a router."""
+    ports = [zenoh_port(endpoint) for endpoint in config.connect]
+    if all(port is not None and port.is_unheard() for port in ports):
+        problem = f"nobody listens on {', '.join(config.connect)}"
+    return ConfigError(
+        problem,
+        "a running dfvs-service there, or a router",
+        "start it, or name its endpoint (--config, --set zenoh.listen; zenoh.connect for a router)",
+    )
 
 
 def publish_kept(

@@ -71,7 +71,7 @@ def folder(tmp_path, monkeypatch):
         ("lockstep", "--timeout 4000", "--timeout is 4000"),
         ("lockstep", "--speed -1", "--speed is -1"),
         ("lockstep", "--slew 6", "--slew is 6"),
-        ("relocalise", "nowhere.glb", "nowhere.glb"),
+        ("relocalise", "nowhere.glb", "scene nowhere.glb cannot be read (No such file or "),
         ("relocalise", "--trials 0", "--trials is 0"),
         ("relocalise", "--threads 0", "--threads is 0"),
         ("relocalise", "--working-width 9", "--working-width is 9; expected 64 to 1920"),

@@ -17,6 +17,7 @@ from textured_wall import Wall, texture, turned
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "python.md").read_text()
 NOTEBOOK = json.loads((ROOT / "examples" / "first_steps.ipynb").read_text())
+MARKDOWN = ["".join(c["source"]) for c in NOTEBOOK["cells"] if c["cell_type"] == "markdown"]
 CODE = ["".join(cell["source"]) for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
 
 
@@ -73,6 +74,14 @@ def test_bad_input_is_told_in_one_line(words, tmp_path, monkeypatch, capsys):
     assert run(words, monkeypatch) == 2
     assert "error: cannot read" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_notebook_links_to_files_that_are_there():
+    links = [link for text in MARKDOWN for link in re.findall(r"\]\(([^)#]+)", text)]
+    relative = [link for link in links if "://" not in link]
+    assert relative
+    for link in relative:
+        assert (ROOT / "examples" / link).is_file()
 
 
 def test_the_code_of_the_page_runs(folder, capsys):

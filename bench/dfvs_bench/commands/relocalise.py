@@ -9,7 +9,7 @@ from typing import Any
 from dfvs_bench.basin.cells import ROTATIONS_DEG, Cell
 from dfvs_bench.basin.drawing import DrawnTask, DrawRequest
 from dfvs_bench.basin.environments import Environment, environments_in
-from dfvs_bench.options import own_scenes
+from dfvs_bench.options import check_names
 from dfvs_bench.relocalisation.relocalise import (
     STAGES,
     Relocalisation,
@@ -27,6 +27,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.options import camera_from, require_folder, require_range, write_json
+from dfvs_sim.scene.glb import load_glb
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)
 """Of the starts, the largest displacement of three axes."""
@@ -91,7 +92,9 @@ def run(args: argparse.Namespace) -> int:
         size: camera_from(argparse.Namespace(size=size, fov=args.fov), "--camera")
         for size in args.camera
     }
-    own_scenes(args, [])
+    for scene in args.scene:
+        load_glb(scene)
+    check_names(args.scene)
     config = replace(without(args.without), working_width_px=args.working_width)
     executor = TrialExecutor(args.workers)
     matchers = list(dict.fromkeys(args.bundle))
@@ -148,7 +151,7 @@ def _draw(
     cells = tuple(Cell(t, r) for r in ROTATIONS_DEG[1:] for t in TRANSLATIONS_M)
     each, rest = divmod(args.trials, len(args.scene))
     small = camera.scaled(_DRAWN_WIDTH_PX, height)
-    places = [replace(place, camera=small) for place in environments_in(own_scenes(args, []))]
+    places = [replace(place, camera=small) for place in environments_in(args.scene)]
     requests = [
         (DrawRequest(place, cells, -(-args.trials // len(cells)), args.seed), each + (k < rest))
         for k, place in enumerate(places)

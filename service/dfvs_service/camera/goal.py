@@ -34,8 +34,8 @@ ZENOH = "zenoh"
 _RECEIVE_S = 0.25
 _EPILOG = """\
 examples:
-  dfvs-camera goal --source 0 --calibration camera.toml --mavlink udpin://127.0.0.1:14540 \\
-      --out goal.png
+  dfvs-camera goal --source 0 --calibration camera.toml --config service.toml \\
+      --mavlink udpin://127.0.0.1:14540 --out goal.png
   dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
 
 --source zenoh takes the image from the camera that publishes for the service. Of several
@@ -90,6 +90,8 @@ def run(words: Sequence[str]) -> int:
         motion = given
         if given is None:
             log("the vehicle counts as level: neither --mavlink nor --attitude was given")
+    if config.camera.mount is None:
+        log("the camera counts as mounted straight ahead: no camera.mount")
     sidecar = sidecar_of(camera, config.camera.mount or Mount(), motion)
     write_goal(arguments.out, captured.image, sidecar)
     print(f"wrote {arguments.out} and {arguments.out.with_suffix('.json')}")

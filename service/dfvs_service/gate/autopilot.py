@@ -107,7 +107,7 @@ class Autopilot:
         if result != 0:
             raise VehicleError(
                 f"cannot open the MAVLink connection {url!r} ({result.name})",
-                "an address of this machine or a device, e.g. udpin://127.0.0.1:14540",
+                "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
                 "is another program using it?",
             )
         self._system = self._await_autopilot(self._mavsdk, timeout_s)

@@ -1,12 +1,19 @@
-"""Check that the flying camera's calibration agrees with the goal's."""
+"""Check that the flying camera's calibration and mounting agree with the goal's."""
+
+import math
+
+import numpy as np
 
 from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.goal import Goal
+from dfvs_core.geometry.poses import so3_log
+from dfvs_core.messages.goal import Goal, Mount
 from dfvs_service.settings.config import ServiceConfig
 
 _TOLERANCE = 0.02
 """Relative difference of two calibrations that are of the same camera."""
+_MOUNT_TOLERANCE_RAD = math.radians(0.5)
+"""Angle between two mountings that are of the same camera."""
 
 
 def camera_check(config: ServiceConfig, goal: Goal) -> Check:
@@ -16,10 +23,14 @@ def camera_check(config: ServiceConfig, goal: Goal) -> Check:
         flown = taken
     detail = f"{flown.width} x {flown.height} px, focal length {flown.fx:.0f} px"
     difference = calibration_difference(flown, taken)
-    if not difference:
-        return Check("camera", True, detail)
-    remedy = "take the goal with the camera that flies, or calibrate again"
-    return Check("camera", False, f"{detail}; {difference}", remedy)
+    if difference:
+        remedy = "take the goal with the camera that flies, or calibrate again"
+        return Check("camera", False, f"{detail}; {difference}", remedy)
+    difference = mount_difference(config.camera.mount or Mount(), goal.sidecar.mount)
+    if difference:
+        remedy = "right if the goal's camera sat so; else take the goal again with --config"
+        return Check("camera", False, f"{detail}; {difference}", remedy, binding=False)
+    return Check("camera", True, detail)
 
 
 def calibration_difference(flown: CameraModel, taken: CameraModel) -> str:
@@ -36,3 +47,19 @@ def calibration_difference(flown: CameraModel, taken: CameraModel) -> str:
         if abs(here - there) > _TOLERANCE * scale:
             return f"the goal's {name} is {there:.1f} px, here it is {here:.1f}"
     return ""
+
+
+def mount_difference(flown: Mount, taken: Mount) -> str:
+    """Say how the camera's direction differs between two mountings, both of which are used."""
+    R_taken_flown = taken.T_body_camera()[:3, :3].T @ flown.T_body_camera()[:3, :3]
+    if np.linalg.norm(so3_log(R_taken_flown)) <= _MOUNT_TOLERANCE_RAD:
+        return ""
+    return (
+        f"the goal counts as taken at {_angles(taken)} (its sidecar's mount), the camera flies at "
+        f"{_angles(flown)} (camera.mount)"
+    )
+
+
+def _angles(mount: Mount) -> str:
+    turn = (mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
+    return "roll {:.1f}, pitch {:.1f}, yaw {:.1f} deg".format(*map(math.degrees, turn))

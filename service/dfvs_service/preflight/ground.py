@@ -26,8 +26,10 @@ must not be older than the gate accepts."""
 
 
 def error_check(name: str, error: DfvsError) -> Check:
-    """Line for an error whose text has the remedy."""
-    return Check(name, False, error.problem, error.remedy or f"expected {error.expected}")
+    """Line for an error: what was expected and what to do about it are its remedy."""
+    expected = f"expected {error.expected}" if error.expected else ""
+    remedy = "; ".join(part for part in (expected, error.remedy) if part)
+    return Check(name, False, error.problem, remedy)
 
 
 def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:

@@ -14,16 +14,17 @@ def is_private(endpoint: str) -> bool:
     protocol, _, rest = endpoint.partition("/")
     if protocol in (*_ENCRYPTED, *_LOCAL):
         return True
-    return _is_loopback(rest.split("#")[0].split("?")[0])
+    return is_loopback(rest.split("#")[0].split("?")[0])
 
 
 def is_private_mavlink(url: str) -> bool:
     """Whether a MAVLink connection is a serial line or stays on this machine."""
     scheme, _, rest = url.partition("://")
-    return scheme.startswith("serial") or _is_loopback(rest)
+    return scheme.startswith("serial") or is_loopback(rest)
 
 
-def _is_loopback(address: str) -> bool:
+def is_loopback(address: str) -> bool:
+    """Whether the host of ``HOST:PORT`` is this machine by a loopback address."""
     host = address.rsplit(":", 1)[0].strip("[]")
     parts = host.split(".")
     v4 = len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)

@@ -10,6 +10,8 @@ from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
 from dfvs_service.settings.runtime import RuntimeFolder
 
+_SIDECAR = "JSON as dfvs-camera goal writes it"
+
 
 def read_image(path: str | Path) -> ImageArray:
     """Read a PNG or JPEG file to (H, W, 3) uint8 RGB.
@@ -58,11 +60,12 @@ def read_sidecar(image_path: Path) -> GoalSidecar | None:
     except FileNotFoundError:
         return None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read the goal's sidecar {path} ({error})") from error
+        raise ConfigError(f"cannot read the goal's sidecar {path} ({error})", _SIDECAR) from error
     try:
         return GoalSidecar.from_json(text)
     except DfvsError as error:
-        raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
+        problem = f"the goal's sidecar {path} cannot be used: {error.problem}"
+        raise ConfigError(problem, error.expected or _SIDECAR, error.remedy) from error
 
 
 def load_goal(image_path: str | Path) -> Goal:

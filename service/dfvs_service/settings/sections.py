@@ -13,7 +13,7 @@ from dfvs_core.messages.zenoh_settings import TlsFiles
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.settings.endpoints import is_encrypted, is_private
 
-_LEAST_WORKING_WIDTH_PX = 64
+_WORKING_WIDTHS_PX = (64, 1920)
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
 
@@ -86,9 +86,7 @@ class FlowSection:
     working_width_px: int = setting(
         0,
         "width at which images of 4:3 are matched, others at as many pixels, px; 0: the largest "
-        "that tracking_ms allows, measured at start",
-        low=0,
-        high=1920,
+        "that tracking_ms allows, measured at start (0, or 64 to 1920)",
     )
     tracking_ms: float = setting(
         25.0, "time of a tracked frame that the working size is chosen by, ms", low=1, high=125
@@ -96,10 +94,10 @@ class FlowSection:
 
     def __post_init__(self) -> None:
         """Refuse a size at which nothing can be matched."""
-        if 0 < self.working_width_px < _LEAST_WORKING_WIDTH_PX:
+        low, high = _WORKING_WIDTHS_PX
+        if self.working_width_px != 0 and not low <= self.working_width_px <= high:
             raise ConfigError(
-                f"flow.working_width_px = {self.working_width_px}",
-                f"0, or {_LEAST_WORKING_WIDTH_PX} or more",
+                f"flow.working_width_px = {self.working_width_px}", f"0, or {low} to {high}"
             )
 
 

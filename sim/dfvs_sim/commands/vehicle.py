@@ -48,7 +48,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--start",
         default="0,0,0,0",
         metavar="X,Y,Z,YAW",
-        help="spawn point in the scene's world frame (NED, m) and heading (degrees)",
+        help="where the local origin lies in the scene (NED, m), for the poses of --record, and "
+        "the vehicle's heading at the start (degrees); the view begins there with "
+        "dfvs-sim camera --origin X,Y,Z,0",
     )
     add("--ground-z", type=float, default=0.08, help="local z when standing on the ground, m")
     add("--ready-after", type=float, default=1.0, metavar="S", help="seconds until armable")

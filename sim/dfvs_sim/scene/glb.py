@@ -58,9 +58,7 @@ def load_glb(path: str | Path) -> Scene:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise GlbError(
-            f"scene {path} cannot be read ({error.strerror})", "a .glb file", "check --scene"
-        ) from error
+        raise GlbError(f"scene {path} cannot be read ({error.strerror})", "a .glb file") from error
     try:
         return _scene(_parse(data))
     except GlbError as error:

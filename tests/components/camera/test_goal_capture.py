@@ -53,10 +53,17 @@ def test_the_sharpest_picture_is_taken_with_the_attitude_that_is_given(pictures,
 
 def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
     assert cli.main(words(pictures, "--set", "camera.mount.pitch_deg=-20")) == 0
-    assert "counts as level" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "counts as level" in err
+    assert "straight ahead" not in err
     sidecar = load_goal(pictures.parent / "goal.png").sidecar
     assert sidecar.roll_rad == sidecar.pitch_rad == 0.0
     assert np.degrees(sidecar.mount.pitch_rad) == pytest.approx(-20.0)
+
+
+def test_a_camera_that_looks_ahead_is_assumed_aloud(pictures, capsys):
+    assert cli.main(words(pictures, "--attitude", "0,0")) == 0
+    assert "mounted straight ahead: no camera.mount" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -65,6 +72,7 @@ def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
         (("--attitude", "flat"), "--attitude is 'flat'"),
         (("--attitude", "1,200"), "90 degrees"),
         (("--attitude", "0,0", "--mavlink", "udpin://127.0.0.1:1"), "only one of them"),
+        (("--mavlink", "/dev/ttyACM0"), "; expected udpin://HOST:PORT or serial:///dev/ttyACM0:"),
         (("--frames", "0"), "--frames is 0"),
         (("--size", "640x480"), "the calibration's size"),
     ],

@@ -101,6 +101,12 @@ def test_a_session_on_a_taken_port_is_refused_with_one_that_opens():
             pass
 
 
+def test_a_client_where_nobody_listens_is_told_so_and_what_to_start():
+    endpoint = free_endpoint()
+    with pytest.raises(DfvsError, match=f"nobody listens on {endpoint}; expected a running dfvs-"):
+        open_session(ZenohSection("client", (endpoint,), ()))
+
+
 def test_a_client_of_a_router_on_the_default_port_opens():
     """As docs/how-to/ros2.md says: a client listens on nothing, whatever zenoh.listen says."""
     with listening_peer() as (_, endpoint):

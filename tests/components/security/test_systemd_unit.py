@@ -135,6 +135,17 @@ def test_systemd_finds_nothing_wrong_and_little_exposed(name, tmp_path):
 
 
 @pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+def test_systemd_reads_the_drop_in_for_certificates(tmp_path):
+    unit = copied("dashboard", tmp_path)
+    page = (DEPLOY.parent / "docs" / "how-to" / "install.md").read_text()
+    (drop_in,) = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
+    folder = tmp_path / "dfvs-dashboard.service.d"
+    folder.mkdir()
+    (folder / "tls.conf").write_text(drop_in)
+    verify(unit)
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
 def test_systemd_reads_the_drop_in_of_a_jetson(tmp_path):
     unit = copied("service", tmp_path)
     folder = tmp_path / "dfvs-service.service.d"

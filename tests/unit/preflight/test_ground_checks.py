@@ -13,12 +13,13 @@ from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
     MATCH_BUDGET_NS,
     command_check,
+    error_check,
     exposure_checks,
     model_check,
     speed_check,
@@ -63,6 +64,22 @@ def test_calibrations_of_the_same_camera_may_differ_a_little():
     assert camera_check(config(), goal(other)).ok
 
 
+def test_a_goal_of_another_mounting_is_a_warning_that_names_both():
+    taken_level = Goal(goal().image, GoalSidecar(CAMERA))
+    check = camera_check(config(**{"camera.mount.pitch_deg": -20}), taken_level)
+    assert not check.ok
+    assert not check.refuses
+    assert "pitch 0.0, yaw 0.0 deg (its sidecar's mount)" in check.detail
+    assert "pitch -20.0, yaw 0.0 deg (camera.mount)" in check.detail
+    assert "--config" in check.remedy
+
+
+def test_mountings_of_the_same_camera_may_differ_a_little_and_in_position():
+    mount = Mount(x_m=0.2, pitch_rad=np.radians(-20.4))
+    taken = Goal(goal().image, GoalSidecar(CAMERA, mount=mount))
+    assert camera_check(config(**{"camera.mount.pitch_deg": -20}), taken).ok
+
+
 def test_the_classical_matcher_needs_no_files():
     check, matcher = model_check(config(flow__model="classical"))
     assert check.ok
@@ -78,6 +95,23 @@ def test_a_model_whose_file_was_changed_is_a_cross(tmp_path):
     assert not check.ok
     assert check.detail
     assert check.remedy
+
+
+def test_a_folder_without_a_manifest_says_what_was_expected(tmp_path):
+    check, _ = model_check(config(flow__model=str(tmp_path)))
+    assert check.remedy == "expected all files of a bundle"
+
+
+@pytest.mark.parametrize(
+    ("error", "remedy"),
+    [
+        (ConfigError("bad"), ""),
+        (ConfigError("bad", "good"), "expected good"),
+        (ConfigError("bad", "", "mend it"), "mend it"),
+    ],
+)
+def test_the_remedy_of_an_error_has_only_what_the_error_says(error, remedy):
+    assert error_check("x", error).remedy == remedy
 
 
 class Matcher:
@@ -119,7 +153,11 @@ def test_a_model_that_fails_at_work_is_a_cross():
 
     matcher = Broken()
     check = speed_check(config(), matcher, goal(), matcher.tick)
-    assert (check.ok, check.detail, check.remedy) == (False, "it gives NaN", "use another one")
+    assert (check.ok, check.detail, check.remedy) == (
+        False,
+        "it gives NaN",
+        "expected numbers; use another one",
+    )
 
 
 def test_what_leaves_this_machine_unprotected_is_a_cross_that_refuses_nothing():
@@ -152,7 +190,7 @@ def test_a_camera_that_does_not_fit_the_goal_leaves_the_vehicle_unchecked():
     report = check_camera_and_model(config(), problem)
     found = {check.name: check for check in report.checks}
     assert not report.ok
-    assert found["camera"].remedy == "take another one"
+    assert found["camera"].remedy == "expected 64 x 48 px; take another one"
     assert found["vehicle"].detail == "not checked"
 
 

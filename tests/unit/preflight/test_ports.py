@@ -100,6 +100,18 @@ def test_an_address_that_cannot_be_bound_is_left_to_those_who_bind_it(host):
     assert not LocalPort(TCP, host, free_tcp_port()).is_in_use()
 
 
+def test_a_loopback_port_is_unheard_while_nobody_listens():
+    port = LocalPort(TCP, "127.0.0.1", free_tcp_port())
+    assert port.is_unheard()
+    with socket.create_server(("127.0.0.1", port.port)):
+        assert not port.is_unheard()
+
+
+@pytest.mark.parametrize(("kind", "host"), [(TCP, "192.0.2.1"), (UDP, "127.0.0.1")])
+def test_of_other_ports_it_is_not_known_whether_anybody_listens(kind, host):
+    assert not LocalPort(kind, host, free_tcp_port()).is_unheard()
+
+
 def test_the_next_free_port_leaves_out_those_that_are_taken():
     with bound(UDP) as first, contextlib.suppress(OSError), bound(UDP, port=first + 1):
         found = LocalPort(UDP, "127.0.0.1", first).next_free()

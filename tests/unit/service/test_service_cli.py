@@ -1,6 +1,7 @@
 """What a user reads who asks for something that cannot be: one line, exit code 2, no process."""
 
 import fcntl
+import re
 import tomllib
 
 import cv2
@@ -65,6 +66,15 @@ def test_what_cannot_be_is_said_in_one_line(words, said, goal, tmp_path, monkeyp
 def test_an_unreadable_goal_picture(goal, refused):
     goal.write_bytes(b"GIF89a")
     assert "PNG or JPEG" in refused(cli.main, "--goal", str(goal))
+
+
+@pytest.mark.parametrize("text", ["no JSON", "{}"])
+@pytest.mark.parametrize("more", [(), ("--check",)], ids=["flight", "check"])
+def test_an_unreadable_sidecar(text, more, goal, refused):
+    goal.with_suffix(".json").write_text(text)
+    line = refused(cli.main, "--goal", str(goal), *more)
+    assert "goal.json cannot be used" in line
+    assert re.search(r"; expected \w", line)
 
 
 def test_a_goal_of_another_size_than_its_sidecar(goal, refused):

@@ -97,5 +97,6 @@ def test_settings_that_are_tried_in_a_replay_do_not_measure_anew():
 
 
 def test_a_size_at_which_nothing_can_be_matched_is_refused():
-    with pytest.raises(ConfigError, match="working_width_px = 20"):
-        settings(working_width_px=20)
+    for width in (-1, 20, 1921):
+        with pytest.raises(ConfigError, match=f"working_width_px = {width}; expected 0, or 64 to"):
+            settings(working_width_px=width)
