@@ -1,10 +1,7 @@
 """Zenoh sessions with errors for users."""
 
-import contextlib
 import dataclasses
 import math
-import queue
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -194,7 +191,7 @@ def open_within(
     deadline = time.monotonic() + patience_s
     while not is_stopped():
         try:
-            return _open_unless_stopped(section, is_stopped)
+            return open_session(section)
         except ConfigError as error:
             if time.monotonic() >= deadline:
                 raise
@@ -204,26 +201,4 @@ def open_within(
         next_s = time.monotonic() + pause_s
         while not is_stopped() and time.monotonic() < next_s:
             time.sleep(min(pause_s, _POLL_S))
-    return None
-
-
-def _open_unless_stopped(
-    section: ZenohSection, is_stopped: Callable[[], bool]
-) -> zenoh.Session | None:
-    """Open a session on a thread: Zenoh waits long for a silent router, and no signal ends it."""
-    outcomes: queue.SimpleQueue[zenoh.Session | Exception] = queue.SimpleQueue()
-
-    def work() -> None:
-        try:
-            outcomes.put(open_session(section))
-        except Exception as error:  # noqa: BLE001 - it is raised on the caller's thread
-            outcomes.put(error)
-
-    threading.Thread(target=work, name="zenoh-open", daemon=True).start()
-    while not is_stopped():
-        with contextlib.suppress(queue.Empty):
-            outcome = outcomes.get(timeout=_POLL_S)
-            if isinstance(outcome, Exception):
-                raise outcome
-            return outcome
     return None
