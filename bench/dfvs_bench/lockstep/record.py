@@ -136,7 +136,7 @@ def summarise(flights: Sequence[SimulatedFlight]) -> dict[str, Any]:
         "false_done": sum(f.is_false_done for f in flights),
         "false_alarms": sum(f.is_false_alarm for f in flights),
         "other_ends": sorted(
-            {f.end_cause for f in flights if f.end_state not in ("DONE", "SERVO")}
+            {f.end_cause for f in flights if f.end_cause and f.end_state != "DONE"}
         ),
         "mean_done_s": mean([f.end_s for f in done]),
         "mean_within_s": mean([f.within_s for f in done]),
