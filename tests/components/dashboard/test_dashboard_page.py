@@ -3,15 +3,13 @@
 import json
 
 import pytest
-from browser_page import CHROMIUM, Page, needs_chromium
+from browser_page import Page, needs_chromium
 from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_jpeg
-
-sync_api = pytest.importorskip("playwright.sync_api")
 
 pytestmark = [needs_chromium, pytest.mark.real_time]
 
@@ -51,14 +49,6 @@ class LivePage(Page):
     def frames_rise(self, by=5):
         now = self.page.evaluate(FRAMES)
         self.wait(f"n => {FRAMES} > n", now + by)
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

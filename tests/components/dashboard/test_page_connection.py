@@ -1,21 +1,12 @@
 """What the page does when its connection is lost, refused, or made anew."""
 
 import pytest
-from browser_page import CHROMIUM, needs_chromium
+from browser_page import needs_chromium
 from scripted_server import TOKEN, ScriptedServer
 
-sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = needs_chromium
 
 WATCHED = "name => dfvsScreen().watched === name"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -8,11 +8,10 @@ import re
 from pathlib import Path
 
 import pytest
-from browser_page import CHROMIUM, Page, needs_chromium
+from browser_page import Page, needs_chromium
 from flight_on_screen import TOKEN, Screen
 from situations import ABORT, DESKTOP, DONE, HOLD, PHONE, SERVO, SITUATIONS, long_over, silent
 
-sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = needs_chromium
 
 LIMITS_S = {
@@ -99,13 +98,10 @@ def screen():
 
 
 @pytest.fixture(scope="module")
-def page(screen):
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        context = browser.new_context(color_scheme="light")
-        context.add_init_script(FROZEN)
-        yield Watched(context, screen)
-        browser.close()
+def page(chromium, screen):
+    context = chromium.new_context(color_scheme="light")
+    context.add_init_script(FROZEN)
+    return Watched(context, screen)
 
 
 def assert_ages(look, flight, *, lost_s=0.0):
