@@ -64,8 +64,8 @@ _ESTIMATOR = (
 _HOLD = "wait for GNSS, or set the estimator's origin in the ground station"
 _HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
 _FAILSAFE = (
-    "see what the ground station says, mend it, and select Hold there or on the radio: PX4 stays in"
-    " a failsafe until a mode is selected"
+    "see what the ground station says, repair it, and select Hold there or on the radio: PX4 stays "
+    "in a failsafe until a mode is selected"
 )
 _ARMING = (
     "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "

@@ -26,8 +26,8 @@ ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
 FAILSAFE = (
-    "see what the ground station says, mend it, and select Hold there or on the radio: PX4 stays in"
-    " a failsafe until a mode is selected"
+    "see what the ground station says, repair it, and select Hold there or on the radio: PX4 stays "
+    "in a failsafe until a mode is selected"
 )
 HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
 ARMING = (

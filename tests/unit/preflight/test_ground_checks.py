@@ -107,7 +107,7 @@ def test_a_folder_without_a_manifest_says_what_was_expected(tmp_path):
     [
         (ConfigError("bad"), ""),
         (ConfigError("bad", "good"), "expected good"),
-        (ConfigError("bad", "", "mend it"), "mend it"),
+        (ConfigError("bad", "", "repair it"), "repair it"),
     ],
 )
 def test_the_remedy_of_an_error_has_only_what_the_error_says(error, remedy):
