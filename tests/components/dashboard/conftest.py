@@ -4,7 +4,6 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from browser_page import CHROMIUM
 from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
@@ -25,16 +24,6 @@ class Field:
     @property
     def token(self):
         return self.token_file.read_text().strip()
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    """A browser for all pages of a module."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

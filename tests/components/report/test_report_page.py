@@ -1,21 +1,13 @@
 """The page about a flight in a real browser, on a desk and on a phone."""
 
-import shutil
-
 import numpy as np
 import pytest
+from browser_page import PATIENCE_MS, needs_chromium
 from recorded_flight import fly, write_recording
 
 from dfvs_service.report.cli import main
 
-sync_api = pytest.importorskip("playwright.sync_api")
-
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
-)
-PATIENCE_MS = 60_000
+pytestmark = needs_chromium
 
 
 def recording(folder, frames=6):
@@ -30,18 +22,10 @@ def report(tmp_path_factory):
     return folder / "flight.html"
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
 @pytest.fixture(params=[(1400, 900), (390, 844)], ids=["desk", "phone"])
-def page(request, browser, report):
+def page(request, chromium, report):
     width, height = request.param
-    context = browser.new_context(viewport={"width": width, "height": height})
+    context = chromium.new_context(viewport={"width": width, "height": height})
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
     complaints = []
@@ -78,12 +62,12 @@ def test_a_pointer_on_a_plot_reads_all_plots_and_seeks_the_film(page):
     page.wait_for_function("() => document.querySelector('video').currentTime > 0.1")
 
 
-def test_a_film_that_is_too_large_for_the_page_plays_beside_it(browser, tmp_path, monkeypatch):
+def test_a_film_that_is_too_large_for_the_page_plays_beside_it(chromium, tmp_path, monkeypatch):
     monkeypatch.setattr("dfvs_service.report.flight_page.MAX_EMBEDDED_BYTES", 0)
     target = tmp_path / "flight.html"
     assert main([str(recording(tmp_path)), "--out", str(target)]) == 0
     assert "data:video" not in target.read_text()
-    page = browser.new_page()
+    page = chromium.new_page()
     page.set_default_timeout(PATIENCE_MS)
     page.goto(target.as_uri())
     page.wait_for_function("() => document.querySelector('video').readyState >= 2")
