@@ -82,10 +82,9 @@ def test_metrics_are_scraped_over_http(service):
     assert metrics.code == 0
 
 
-async def look(url, pictures, topics_asked):
+async def look(url, pictures, topics_asked, topics, seen):
     """What Foxglove would see: the channels by topic, and messages of the camera."""
     async with websockets.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as link:
-        topics, seen = {}, []
         async with asyncio.timeout(START_S):
             while len(seen) < pictures or not topics_asked <= topics.keys():
                 message = await link.recv()
@@ -100,29 +99,30 @@ async def look(url, pictures, topics_asked):
                     if channel["topic"] == "/camera/image":
                         asked = {"id": 1, "channelId": channel["id"]}
                         await link.send(json.dumps({"op": "subscribe", "subscriptions": [asked]}))
-    return topics, seen
 
 
 def test_foxglove_sees_the_flight_on_its_own_schemas(service):
     session, endpoint = service
     flight = fly(np.random.default_rng(3), frames=3)
     feed = RecordPublisher(session, TOPICS, print)
+    topics, seen = {}, []
     with Running("dfvs_service.live.foxglove_cli", endpoint) as server:
         assert server.url.startswith("ws://127.0.0.1:")
         assert until(lambda: feed.wanted, START_S)
         feed.offer(*flight.events[0])
 
         async def show():
-            looking = asyncio.create_task(look(server.url, 2, {"/camera/flow", "/gate/log"}))
+            wanted = {"/camera/flow", "/gate/log"}
+            looking = asyncio.create_task(look(server.url, 2, wanted, topics, seen))
             grid = FlowGrid(np.ones((4, 6, 2), np.float32), np.ones((4, 6), np.float32), 40, 1, 0)
             while not looking.done():
                 session.put(TOPICS.telemetry("flow"), encode_flow_grid(grid))
                 for turn, payload in flight.events[1:]:
                     feed.offer(turn, payload)
                 await asyncio.sleep(0.2)  # a busy server keeps up
-            return await looking
+            return looking.exception()
 
-        topics, seen = asyncio.run(show())
+        assert asyncio.run(show()) is None, (sorted(topics), len(seen), feed.wanted)
     feed.close()
     assert topics["/camera/image"]["schemaName"] == "foxglove.CompressedImage"
     assert topics["/camera/flow"]["schemaName"] == "foxglove.ImageAnnotations"
