@@ -45,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
     vehicle = config.vehicle
     start_autopilot(
-        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.watch, gate
+        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s),
+        lambda: autopilot.watch(gate.on_device_lost),
+        gate,
     )
     try:
         never = config.gate.engage is Engage.NEVER

@@ -35,6 +35,11 @@ from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
+from dfvs_service.gate.serial_device import (
+    SerialDevice,
+    SerialDeviceError,
+    serial_path,
+)
 from dfvs_service.ports import require_free_mavlink_port
 
 AUTOPILOT_COMPONENT = 1
@@ -72,6 +77,7 @@ class Autopilot:
         self._system: System | None = None
         self._direct: MavlinkDirect | None = None
         self._param: Param | None = None
+        self._serial: SerialDevice | None = None
         self._has_read_failsafe = False
         self._system_id = 0
         self._others: dict[int, MavlinkDirect] = {}
@@ -101,6 +107,7 @@ class Autopilot:
             If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
+        path = serial_path(url)
         kind = ComponentType.COMPANION_COMPUTER
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
         result = self._mavsdk.add_any_connection(url)
@@ -110,6 +117,7 @@ class Autopilot:
                 "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
                 "is another program using it?",
             )
+        self._serial = None if path is None else SerialDevice(path)
         self._system = self._await_autopilot(self._mavsdk, timeout_s)
         if self._system is None:
             raise VehicleError(
@@ -196,14 +204,23 @@ class Autopilot:
             self._expected.add(result)
         self._note("ack", f"command {fields.get('command')} result {result}")
 
-    def watch(self) -> None:
-        """Keep telemetry coming, parameters read and other systems monitored; never returns.
+    def watch(self, on_device_lost: Callable[[DfvsError], None]) -> None:
+        """Keep telemetry coming, parameters read and other systems monitored.
 
         All of it again and again: a request may be lost, an autopilot starts anew with other
-        parameters, and a system that sends setpoints need not have been there before.
+        parameters, and a system that sends setpoints need not have been there before. Returns
+        only after the loss of a serial device, which MAVSDK never opens again.
+
+        Parameters
+        ----------
+        on_device_lost : callable
+            Takes the error that says so; must not block.
         """
         next_read_s = time.monotonic()
         while True:
+            if self._serial is not None and self._serial.is_lost():
+                on_device_lost(_lost(self._serial))
+                return
             self._receive_from_others()
             if time.monotonic() >= next_read_s:
                 self._request_telemetry()
@@ -261,6 +278,14 @@ class Autopilot:
         except MavsdkError as error:
             # A setpoint that did not leave must not end the loop that would send the next one.
             self._note("send_failed", f"{name}: {error}")
+
+
+def _lost(device: SerialDevice) -> SerialDeviceError:
+    return SerialDeviceError(
+        f"the serial device {device.path} was lost",
+        "one that stays connected",
+        "check cable and power, then start the service anew",
+    )
 
 
 def _read(name: str, get: Callable[[str], float]) -> float | None:

@@ -104,6 +104,7 @@ class GateProcess:
         self._parent_watchdog = ParentWatchdog(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
+        self._device_loss: DfvsError | None = None
         self._stopping = False
         self._waiting_since_ns: int | None = None
         self._selector = selectors.DefaultSelector()
@@ -129,6 +130,11 @@ class GateProcess:
     def fail(self, error: DfvsError) -> None:
         """End because the vehicle cannot be reached, from any thread."""
         self._fatal = error
+
+    def on_device_lost(self, error: DfvsError) -> None:
+        """End because the autopilot's device is gone, after a flight's own end; any thread."""
+        self.note("device_lost", str(error))
+        self._device_loss = error
 
     def on_monitor_failed(self, line: str) -> None:
         """Take the end of the watch over parameters and other commanders, from any thread."""
@@ -244,6 +250,8 @@ class GateProcess:
             return EXIT_OK if machine.has_reached else EXIT_FAILED
         if self._config.gate.exit_when_done and machine.is_finished:
             return EXIT_OK if machine.has_reached else EXIT_FAILED
+        if self._device_loss is not None and not self._is_flight:
+            raise self._device_loss
         return None
 
     def _startup_problem(self, now_ns: int) -> DfvsError | None:

@@ -57,7 +57,7 @@ def watched(tmp_path_factory):
     with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as vehicle:
         autopilot = Autopilot(heard, lambda kind, text: notes.append((kind, text)))
         autopilot.connect(f"udpin://127.0.0.1:{vehicle.port}", PATIENCE_S)
-        threading.Thread(target=autopilot.watch, daemon=True).start()
+        threading.Thread(target=autopilot.watch, args=(notes.append,), daemon=True).start()
         yield vehicle, heard, notes
     patch.undo()
 
