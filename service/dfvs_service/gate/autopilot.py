@@ -39,6 +39,7 @@ from dfvs_service.gate.serial_device import (
     SerialDevice,
     SerialDeviceError,
     serial_path,
+    wait_for_device,
 )
 from dfvs_service.ports import require_free_mavlink_port
 
@@ -103,11 +104,15 @@ class Autopilot:
         ------
         ConfigError
             If another program has the port.
+        SerialDeviceError
+            If a serial device is not there in time, or may not be used.
         VehicleError
             If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
         path = serial_path(url)
+        if path is not None:
+            wait_for_device(path, timeout_s)
         kind = ComponentType.COMPANION_COMPUTER
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
         result = self._mavsdk.add_any_connection(url)

@@ -1,4 +1,4 @@
-"""Serial device of a MAVLink connection, and its loss.
+"""Serial device of a MAVLink connection: waiting for it, and noticing its loss.
 
 MAVSDK opens a device once. After a hang-up, such as an unplugged USB cable, it never opens the
 device again, though that may be back under the same name.
@@ -8,16 +8,19 @@ import contextlib
 import os
 import select
 import stat
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 
 _SCHEMES = frozenset({"serial", "serial_flowcontrol"})
 _DESCRIPTORS = Path("/proc/self/fd")
+_POLL_S = 0.2
 
 
 class SerialDeviceError(DfvsError):
-    """A serial device that was lost."""
+    """A serial device that is missing, may not be used, or was lost."""
 
 
 def serial_path(url: str) -> Path | None:
@@ -27,6 +30,42 @@ def serial_path(url: str) -> Path | None:
         return None
     path, _, baud_rate = rest.rpartition(":")
     return Path(path if path and baud_rate.isdecimal() else rest)
+
+
+def wait_for_device(
+    path: Path,
+    timeout_s: float,
+    now_s: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> None:
+    """Wait until a device is there and may be used.
+
+    Raises
+    ------
+    SerialDeviceError
+        If that is not so within the time.
+    """
+    deadline_s = now_s() + timeout_s
+    while (error := _unusable(path, timeout_s)) is not None:
+        if now_s() >= deadline_s:
+            raise error
+        sleep(_POLL_S)
+
+
+def _unusable(path: Path, timeout_s: float) -> SerialDeviceError | None:
+    if not path.exists():
+        return SerialDeviceError(
+            f"there is no serial device {path} within {timeout_s:g} s",
+            "one that is plugged in",
+            "check vehicle.mavlink; `ls /dev/serial/by-id` lists the USB devices",
+        )
+    if not os.access(path, os.R_OK | os.W_OK):
+        return SerialDeviceError(
+            f"{path} may not be used",
+            "a user in the group 'dialout'",
+            "`sudo usermod -aG dialout USER`, then log in anew",
+        )
+    return None
 
 
 class SerialDevice:

@@ -6,8 +6,14 @@ import pty
 import pytest
 
 from dfvs_core.gate.states import GateState
+from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.process import GateProcess, SilentLink
-from dfvs_service.gate.serial_device import SerialDevice, SerialDeviceError, serial_path
+from dfvs_service.gate.serial_device import (
+    SerialDevice,
+    SerialDeviceError,
+    serial_path,
+    wait_for_device,
+)
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.runtime import RuntimeFolder
 
@@ -57,6 +63,49 @@ def test_a_device_whose_descriptor_was_closed_is_lost():
 
 def test_a_device_that_nobody_has_open_is_not_lost(tmp_path):
     assert not SerialDevice(tmp_path / "none").is_lost()
+
+
+class Clock:
+    """A clock that sleep moves on; something may happen at a time."""
+
+    def __init__(self, at_s=0.0, happens=lambda: None):
+        self.now_s, self._at_s, self._happens = 0.0, at_s, happens
+
+    def __call__(self):
+        return self.now_s
+
+    def sleep(self, seconds):
+        self.now_s += seconds
+        if self.now_s >= self._at_s:
+            self._happens()
+
+
+def test_a_missing_device_is_waited_for_and_then_named(tmp_path):
+    clock, path = Clock(), tmp_path / "ttyACM0"
+    with pytest.raises(SerialDeviceError) as error:
+        wait_for_device(path, 10.0, clock, clock.sleep)
+    assert f"no serial device {path}" in str(error.value)
+    assert 10.0 <= clock.now_s < 11.0
+
+
+def test_a_device_that_comes_in_time_is_used_at_once(tmp_path):
+    path = tmp_path / "ttyACM0"
+    clock = Clock(3.0, path.touch)
+    wait_for_device(path, 10.0, clock, clock.sleep)
+    assert 3.0 <= clock.now_s < 4.0
+
+
+def test_a_device_without_rights_is_told_with_the_group_that_has_them(monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may use everything
+    clock = Clock()
+    with pytest.raises(SerialDeviceError, match=r"/dev/null may not be used.*dialout"):
+        wait_for_device(serial_path("serial:///dev/null:57600"), 1.0, clock, clock.sleep)
+
+
+def test_the_autopilots_connection_tells_a_missing_device(tmp_path):
+    autopilot = Autopilot(lambda _event: None, lambda *_: None)
+    with pytest.raises(SerialDeviceError, match="no serial device"):
+        autopilot.connect(f"serial://{tmp_path}/none:57600", 0.0)
 
 
 @pytest.fixture
