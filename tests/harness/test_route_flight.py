@@ -9,7 +9,7 @@ from at_once import AtOnce
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, pose_error, rotation_from_euler
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
@@ -178,14 +178,10 @@ def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
         teacher.on_vehicle_states([pilot.state()])
         pilot.now_ns += 50_000_000
         teacher.on_vehicle_states([pilot.state()])
-        event = teacher.process(pilot.sample(), decoded)
+        event = teacher.process(pilot.sample())
         assert event is not Event.LOST
     assert teacher.finish() or event is Event.SAVED
     goals = [load_goal(path) for path in route_images([tmp_path])]
     assert 3 <= len(goals) <= 8
     taught = [poses[0]] * (len(goals) + 1)  # where the goals are plays no part in flying by them
     assert_arrived(flown(rooms, taught, goals), poses[-1])
-
-
-def decoded(sample):
-    return decode_frame(sample.payload, decode_header(sample.attachment))

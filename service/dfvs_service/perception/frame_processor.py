@@ -19,6 +19,9 @@ from dfvs_service.frames import RawSample
 SERVO_STATES = frozenset({"SERVO"})
 """States in which the error must fall."""
 
+UNKNOWN_ATTITUDE = "the vehicle's attitude at capture is not known"
+"""Why a good frame is refused."""
+
 
 @dataclass(frozen=True, slots=True)
 class ProcessedFrame:
@@ -82,8 +85,7 @@ class FrameProcessor:
             return self._refuse(t_start, came.seq, came.t_capture_ns, came.reason)
         motion = self._history.at(frame.t_capture_ns)
         if motion is None:
-            reason = "the vehicle's attitude at capture is not known"
-            return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
+            return self._refuse(t_start, frame.seq, frame.t_capture_ns, UNKNOWN_ATTITUDE)
         t_decoded = self._tick()
         frame_result = self._pipeline.process_frame(frame, motion, self._servoing)
         stages = {

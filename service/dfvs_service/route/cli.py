@@ -9,11 +9,9 @@ from pathlib import Path
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.frame import Frame, decode_frame, decode_header
 from dfvs_core.perception.route_recording import RouteRecordingLimits
-from dfvs_service.frames import RawSample
+from dfvs_service.route.progress import RouteProgress
 from dfvs_service.route.recording import (
-    Event,
     RouteRecorder,
     prepare_route_folder,
     route_recording_settings,
@@ -22,7 +20,6 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 _RECEIVE_S = 0.25
-_REPORT_S = 2.0
 _EPILOG = """\
 example: dfvs-service teach --out route/ --config service.toml
 then:    dfvs-service --goal route/ --config service.toml
@@ -86,24 +83,18 @@ def _record_route(
         frames = FrameQueue(session, config, _log)
         clocks = Clocks(frames.clock, time.monotonic_ns, time.monotonic_ns)
         recorder = RouteRecorder(config, folder, matcher, clocks, limits)
-        _log(f"waiting for frames on {frames.key}")
-        reported_s = 0.0
+        progress = RouteProgress(frames.key, _log, time.monotonic)
         while not stop.is_set():
             sample = frames.receive_sample(_RECEIVE_S)
             recorder.on_vehicle_states(listener.new_states())
-            event = Event.NOTHING if sample is None else recorder.process(sample, _decoded)
-            if event is Event.SAVED:
-                _log(f"goal {recorder.count}")
-            elif event is Event.LOST and time.monotonic() - reported_s > _REPORT_S:
-                reported_s = time.monotonic()
-                _log(f"goal {recorder.count} is out of sight: fly back to where it was taken")
+            if sample is None:
+                progress.on_silence()
+            else:
+                event = recorder.process(sample)
+                progress.on_frame(event, recorder.count, recorder.refusal)
         if recorder.finish():
             _log(f"goal {recorder.count}, the last one")
     return recorder.count
-
-
-def _decoded(sample: RawSample) -> Frame:
-    return decode_frame(sample.payload, decode_header(sample.attachment))
 
 
 def _log(text: str) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import enum
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.goal_file import write_goal
@@ -12,12 +12,13 @@ from dfvs_core.matching.matcher import Matcher
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, Mount
 from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.perception.frame_validator import Expected, GuardState, admit
 from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
-from dfvs_service.perception.frame_processor import FrameProcessor
+from dfvs_service.perception.frame_processor import UNKNOWN_ATTITUDE, FrameProcessor
 from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.settings.config import ServiceConfig
 
@@ -65,7 +66,10 @@ class RouteRecorder:
         self._frame_processor: FrameProcessor | None = None
         self._last: Frame | None = None
         self._full_overlap = 0.0
+        self._validator_state = GuardState()
         self.count = 0
+        self.refusal = ""
+        """Why the last frame was not used, empty where it was."""
 
     def on_vehicle_states(self, states: Sequence[VehicleState]) -> None:
         """Update by a state of the vehicle."""
@@ -74,13 +78,14 @@ class RouteRecorder:
             if self._frame_processor is not None:
                 self._frame_processor.on_gate_status(GateStatus(_ROUTE_RECORDING, "", state))
 
-    def process(self, sample: RawSample, decode: Callable[[RawSample], Frame]) -> Event:
-        """Work on one frame; ``decode`` is used for the first one alone."""
+    def process(self, sample: RawSample) -> Event:
+        """Work on one frame."""
+        self.refusal = ""
         if self._frame_processor is None:
-            frame = decode(sample)
-            return Event.NOTHING if not self._save(frame) else Event.SAVED
+            return self._process_first(sample)
         processed = self._frame_processor.process(sample)
         if processed.frame is None or processed.frame_result is None:
+            self.refusal = processed.report.reason
             return Event.NOTHING
         result = processed.frame_result.result
         self._full_overlap = max(self._full_overlap, result.overlap)
@@ -90,6 +95,27 @@ class RouteRecorder:
         self._last = processed.frame
         if decision is KeyframeDecision.DUE and self._save(processed.frame):
             return Event.SAVED
+        return Event.NOTHING
+
+    def _process_first(self, sample: RawSample) -> Event:
+        """Save the first frame that is as right as all others have to be."""
+        camera, clocks = self._config.camera.model(), self._clocks
+        if camera is None:
+            raise ConfigError("the camera's lens is not known", "a calibration in the settings")
+        admission = admit(
+            self._validator_state,
+            sample.payload,
+            sample.attachment,
+            Expected(camera, clocks.identity),
+            clocks.validation(),
+        )
+        self._validator_state, frame = admission.state, admission.frame
+        if frame is None:
+            self.refusal = admission.reason
+        elif self._save(frame):
+            return Event.SAVED
+        else:
+            self.refusal = UNKNOWN_ATTITUDE
         return Event.NOTHING
 
     def finish(self) -> bool:

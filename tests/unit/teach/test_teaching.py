@@ -8,13 +8,14 @@ from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.route.goal_sidecar import sidecar_of
+from dfvs_service.route.progress import RouteProgress
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,
@@ -23,10 +24,6 @@ from dfvs_service.route.recording import (
 )
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.goal_file import load_goal, route_images
-
-
-def decoded(sample):
-    return decode_frame(sample.payload, decode_header(sample.attachment))
 
 
 class Rig:
@@ -45,6 +42,9 @@ class Rig:
         return VehicleState(self.now_ns, 0.02, -0.03, np.radians(yaw_deg), rest, rest)
 
     def frame(self, yaw_deg, *, heard=True):
+        return self.show(picture(yaw_deg), yaw_deg, heard=heard)
+
+    def show(self, image, yaw_deg=10.0, *, heard=True, clock=CLOCK, damaged=False):
         self.now_ns += 50 * MS
         if heard:
             self.teacher.on_vehicle_states([self.state(yaw_deg)])
@@ -52,11 +52,12 @@ class Rig:
         if heard:
             self.teacher.on_vehicle_states([self.state(yaw_deg)])
         self.seq += 1
-        image = picture(yaw_deg)
         image[1, 1] = self.seq % 251
         frame = Frame(image, self.now_ns, self.seq)
-        sample = RawSample(*encode_frame(frame, PixelFormat.RGB8, CLOCK), self.now_ns)
-        return self.teacher.process(sample, decoded)
+        payload, attachment = encode_frame(frame, PixelFormat.RGB8, clock)
+        if damaged:
+            payload = payload[:-1] + bytes([payload[-1] ^ 1])
+        return self.teacher.process(RawSample(payload, attachment, self.now_ns))
 
 
 def headings(folder):
@@ -100,6 +101,41 @@ def test_without_an_attitude_nothing_is_taken(tmp_path):
     assert rig.frame(14.0) is Event.SAVED
 
 
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("wrong size", "size is not the camera's"),
+        ("black", "the image is black"),
+        ("damaged", "cannot be read"),
+        ("other clock", "another machine's clock"),
+        ("no attitude", "attitude at capture is not known"),
+    ],
+)
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_frame_that_no_flight_would_use_is_refused_with_its_reason(
+    tmp_path, how, reason, is_first
+):
+    rig, image, options = Rig(tmp_path), picture(10.0), {}
+    if not is_first:
+        assert rig.frame(10.0) is Event.SAVED
+    if how == "wrong size":
+        image = np.ascontiguousarray(image[::2, ::2])
+    elif how == "black":
+        image = np.zeros_like(image)
+    elif how == "damaged":
+        options["damaged"] = True
+    elif how == "other clock":
+        options["clock"] = b"x" * len(CLOCK)
+    else:
+        options["heard"] = False
+        rig.now_ns += 1_000 * MS
+    assert rig.show(image, **options) is Event.NOTHING
+    assert reason in rig.teacher.refusal
+    assert rig.teacher.count == (0 if is_first else 1)
+    assert rig.frame(12.0) is (Event.SAVED if is_first else Event.NOTHING)
+    assert rig.teacher.refusal == ""
+
+
 def test_a_view_without_the_last_goal_is_lost_until_it_is_back(tmp_path):
     rig = Rig(tmp_path)
     rig.frame(10.0)
@@ -139,3 +175,59 @@ def test_the_pictures_of_a_route_come_by_name_or_in_the_order_given(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="is empty"):
         route_images([tmp_path / "empty"])
+
+
+class Told:
+    """Lines of a recording's progress, with the time in hand."""
+
+    def __init__(self):
+        self.lines, self.now_s = [], 0.0
+        self.progress = RouteProgress("a/camera", self.lines.append, lambda: self.now_s)
+        self.lines.clear()
+
+    def frames(self, seconds, refusal="", event=Event.NOTHING):
+        self._pass(seconds, lambda: self.progress.on_frame(event, 1, refusal))
+
+    def silence(self, seconds):
+        self._pass(seconds, self.progress.on_silence)
+
+    def _pass(self, seconds, what):
+        for _ in range(round(seconds * 4)):
+            self.now_s += 0.25
+            what()
+
+
+def test_a_refusal_is_said_once_and_again_where_it_returns_or_changes():
+    told = Told()
+    told.frames(10.0, "black")
+    told.frames(10.0, "white")
+    told.frames(10.0)
+    told.frames(10.0, "white")
+    assert told.lines == [f"frames are refused: {why}" for why in ("black", "white", "white")]
+
+
+def test_refusals_in_turns_are_no_more_than_one_line_in_two_seconds():
+    told = Told()
+    for _ in range(20):
+        told.frames(0.25, "black")
+        told.frames(0.25, "white")
+    assert 1 <= len(told.lines) <= 6
+
+
+def test_silence_is_said_after_two_seconds_and_once():
+    told = Told()
+    told.silence(1.75)
+    assert told.lines == []
+    told.silence(60.0)
+    told.frames(1.0)
+    told.silence(60.0)
+    assert told.lines == ["no frames on a/camera: is the camera publishing?"] * 2
+
+
+def test_a_goal_is_said_at_once_and_a_lost_one_every_two_seconds():
+    told = Told()
+    told.frames(0.25, event=Event.SAVED)
+    told.frames(4.0, event=Event.LOST)
+    assert told.lines[0] == "goal 1"
+    assert len(told.lines) == 3
+    assert all("out of sight" in line for line in told.lines[1:])
