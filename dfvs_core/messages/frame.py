@@ -17,10 +17,17 @@ import numpy as np
 from dfvs_core.errors import WireError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import decode_image, encode_jpeg, encode_png
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 
 _HEADER = struct.Struct("<4sBBxxHHIQq16s")
 _MAGIC = b"DFVF"
 _VERSION = 1
+
+_ENVELOPE_BYTES = 1024
+"""Room for a message's key, encoding and stamp."""
+
+MAX_FRAME_BYTES = MAX_MESSAGE_BYTES - _HEADER.size - _ENVELOPE_BYTES
+"""Largest payload that receivers take; Zenoh drops a larger one without a word."""
 
 NO_CLOCK = bytes(16)
 """``clock`` of a camera that does not say which clock it stamped with."""

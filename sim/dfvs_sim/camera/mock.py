@@ -11,8 +11,9 @@ import numpy as np
 import zenoh
 
 from dfvs_common.clock import local_clock
+from dfvs_core.errors import ImageError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame import MAX_FRAME_BYTES, Frame, PixelFormat, encode_frame
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
@@ -89,7 +90,13 @@ class MockCamera:
             due_ns = max(due_ns + period_ns, time.monotonic_ns())
 
     def capture(self, t_ns: int) -> None:
-        """Render the image of time t_ns, not before it, and publish it, if the pose is known."""
+        """Render the image of time t_ns, not before it, and publish it, if the pose is known.
+
+        Raises
+        ------
+        ImageError
+            If the frame is too large for a message.
+        """
         begun_ns = time.monotonic_ns()
         T_scene_camera = self._poses(t_ns)
         if T_scene_camera is None:
@@ -98,6 +105,12 @@ class MockCamera:
         image = self._noise.apply(image, self._rng)
         frame = Frame(image, t_ns, self.frames)
         payload, attachment = encode_frame(frame, self._config.pixel_format, self._clock)
+        if len(payload) > MAX_FRAME_BYTES:
+            raise ImageError(
+                f"a frame has {len(payload) / 1e6:.1f} MB",
+                f"at most {MAX_FRAME_BYTES / 1e6:.1f} MB, or nobody receives it",
+                "choose `--format jpeg` or a smaller `--size`",
+            )
         self._update_lead(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, self._config.pixel_format.media_type)
