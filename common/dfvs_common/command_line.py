@@ -47,12 +47,4 @@ def parse_size(text: str, option: str = "--size") -> tuple[int, int]:
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes."""
     args = parser.parse_args(argv)
-    return lifecycle.run_command(lambda: _run(args))
-
-
-def _run(args: argparse.Namespace) -> int:
-    try:
-        return int(args.run(args))
-    except OSError as error:  # a full disk, a folder without rights
-        where = f"{error.filename}: " if error.filename else ""
-        return lifecycle.cannot_run(f"{where}{error.strerror or error}")
+    return lifecycle.run_command(lambda: int(args.run(args)))

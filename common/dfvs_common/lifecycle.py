@@ -96,7 +96,7 @@ def run_command(work: Callable[[], int]) -> int:
     """Run the work of a command line; returns its exit code, 2 where it cannot run.
 
     The signals of :data:`ENDING_SIGNALS` and the end of the parent end it in an orderly way; a
-    ``DfvsError`` is printed as one line.
+    ``DfvsError`` is printed as one line, and so is an ``OSError``, such as of a full disk.
 
     Raises
     ------
@@ -111,6 +111,8 @@ def run_command(work: Callable[[], int]) -> int:
     except Exception as error:
         if received:  # a library made something else of SystemExit
             raise SystemExit(128 + received[0]) from error
+        if isinstance(error, OSError):
+            return cannot_run(_described(error))
         if not isinstance(error, DfvsError):
             raise
         return cannot_run(error)
@@ -118,3 +120,8 @@ def run_command(work: Callable[[], int]) -> int:
         if not received:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def _described(error: OSError) -> str:
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}"

@@ -39,7 +39,7 @@ class LocalPort:
 
     def is_in_use(self) -> bool:
         """Whether another program has the port; what else is wrong with it does not count."""
-        with contextlib.suppress(socket.gaierror):
+        with contextlib.suppress(socket.gaierror, UnicodeError):
             places = socket.getaddrinfo(self.host, self.port, type=self.kind)
             return any(_is_bound(family, kind, address) for family, kind, _, _, address in places)
         return False

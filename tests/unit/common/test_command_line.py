@@ -3,6 +3,7 @@
 import pytest
 
 from dfvs_common.command_line import parse_size
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
 
 
@@ -14,3 +15,8 @@ def test_a_size_is_width_and_height():
 def test_what_is_no_size_is_refused_with_the_option(text):
     with pytest.raises(ConfigError, match=f"--camera is '{text}'"):
         parse_size(text, "--camera")
+
+
+def test_an_error_of_the_system_is_one_line_with_the_file_and_exit_code_2(tmp_path, capsys):
+    assert run_command(lambda: len((tmp_path / "none").read_bytes())) == 2
+    assert capsys.readouterr().err == f"error: {tmp_path}/none: No such file or directory\n"

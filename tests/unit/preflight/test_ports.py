@@ -95,7 +95,7 @@ def test_a_port_of_a_connection_that_was_closed_is_free():
     assert not LocalPort(TCP, "127.0.0.1", number).is_in_use()
 
 
-@pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid"])
+@pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid", ".."])
 def test_an_address_that_cannot_be_bound_is_left_to_those_who_bind_it(host):
     assert not LocalPort(TCP, host, free_tcp_port()).is_in_use()
 

@@ -105,6 +105,14 @@ def test_a_runtime_folder_in_use(goal, tmp_path, refused):
         assert "is used by another dfvs-service" in refused(cli.main, "--goal", str(goal), *words)
 
 
+def test_a_full_disk(goal, tmp_path, refused):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "config.json").symlink_to("/dev/full")
+    words = [*FOV, "--model", "classical", "--runtime-dir", str(folder)]
+    assert "No space left on device" in refused(cli.main, "--goal", str(goal), *words)
+
+
 def test_an_unknown_option_is_refused_by_name(goal, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(["--goal", str(goal), "--enagge", "auto"])
