@@ -1,7 +1,6 @@
 """``dfvs-service teach``: record a route of goal images from a flight by hand."""
 
 import argparse
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,16 +58,13 @@ def run(words: Sequence[str]) -> int:
     if not 0.2 <= arguments.overlap <= 0.95:
         raise ConfigError(f"--overlap is {arguments.overlap:g}", "0.2 to 0.95")
     prepare_route_folder(arguments.out)
-    stop = stop_event()
     limits = RouteRecordingLimits(overlap=arguments.overlap)
-    count = _record_route(config, arguments.out, limits, stop)
+    count = _record_route(config, arguments.out, limits)
     print(f"{count} goals in {arguments.out}")
     return EXIT_OK if count else EXIT_FAILED
 
 
-def _record_route(
-    config: ServiceConfig, folder: Path, limits: RouteRecordingLimits, stop: threading.Event
-) -> int:
+def _record_route(config: ServiceConfig, folder: Path, limits: RouteRecordingLimits) -> int:
     """Teach until stopped; returns the number of goals."""
     # Zenoh, MAVSDK and the matcher take their time to load.
     from dfvs_service.perception.assembly import Clocks, flow_matcher
@@ -83,6 +79,7 @@ def _record_route(
         frames = FrameQueue(session, config, _log)
         clocks = Clocks(frames.clock, time.monotonic_ns, time.monotonic_ns)
         recorder = RouteRecorder(config, folder, matcher, clocks, limits)
+        stop = stop_event()  # what waits until here is ended by the signal itself
         progress = RouteProgress(frames.key, _log, time.monotonic)
         while not stop.is_set():
             sample = frames.receive_sample(_RECEIVE_S)

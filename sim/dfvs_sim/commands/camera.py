@@ -80,7 +80,6 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
-    stop = stop_event()
     if not 0.1 <= args.rate <= 240:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))
@@ -100,6 +99,7 @@ def run(args: argparse.Namespace) -> int:
         poses = tracker.camera_poses(T_scene_local, mount.T_body_camera())
         publish, key = _publisher(args, config, session)
         log(f"camera: publishing on {key}")
+        stop = stop_event()  # what waits until here is ended by the signal itself
         MockCamera(config, renderer, poses, publish).run(stop)
     return 0
 
