@@ -31,6 +31,7 @@ def load_matcher(
     threads: int = 2,
     provider: str = "CPUExecutionProvider",
     config: MatchingConfig | None = None,
+    engine_cache: str = "",
 ) -> Matcher:
     """Load a matcher, the source of dense correspondences.
 
@@ -46,6 +47,8 @@ def load_matcher(
         Execution provider of ONNX Runtime.
     config : MatchingConfig, optional
         Numbers of relocalisation and tracking.
+    engine_cache : str
+        Folder in which TensorRT's engines are kept; see ``Execution``.
 
     Raises
     ------
@@ -60,7 +63,7 @@ def load_matcher(
     ...
     dfvs_core.errors.ModelError: there is no model 'no-such-model'; expected 'classical' or ...
     """
-    execution = Execution(threads, provider)
+    execution = Execution(threads, provider, engine_cache)
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return classical_matcher(config)
@@ -100,7 +103,11 @@ def network_matcher(
 
 
 def load_depth(
-    choice: DepthChoice, name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+    choice: DepthChoice,
+    name_or_path: str,
+    threads: int = 2,
+    provider: str = "CPUExecutionProvider",
+    engine_cache: str = "",
 ) -> DepthNetwork | None:
     """Load the ``mono`` bundle that a choice of depth needs; None where it needs none.
 
@@ -111,7 +118,7 @@ def load_depth(
     """
     if choice not in BY_NETWORK:
         return None
-    network = load_depth_network(name_or_path, threads, provider)
+    network = load_depth_network(name_or_path, threads, provider, engine_cache)
     if choice == "network" and network.unit == "affine":
         raise ModelError(
             f"depth of {name_or_path!r} has an unknown offset, and servo.depth is 'network'",
@@ -121,7 +128,10 @@ def load_depth(
 
 
 def load_depth_network(
-    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+    name_or_path: str,
+    threads: int = 2,
+    provider: str = "CPUExecutionProvider",
+    engine_cache: str = "",
 ) -> DepthNetwork:
     """Load a ``mono`` bundle.
 
@@ -131,7 +141,7 @@ def load_depth_network(
         If there is no such bundle or provider, or it cannot be used.
     """
     folder = _folder(name_or_path, "the folder of a depth bundle")
-    return DepthNetwork(read_bundle(folder), Execution(threads, provider))
+    return DepthNetwork(read_bundle(folder), Execution(threads, provider, engine_cache))
 
 
 def load_pose(name_or_path: str, threads: int = 2) -> PoseNetwork:

@@ -1,7 +1,9 @@
 """ONNX Runtime session with fixed threads and execution provider."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -9,11 +11,13 @@ from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
 
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.messages.manifest import Graph
+from dfvs_core.messages.manifest import Graph, sha256
 
 _FATAL_ONLY = 4
 _REMOTE = "AzureExecutionProvider"
 """Comes with every ONNX Runtime, takes no operator of a network, and would leave it to the CPU."""
+_TENSORRT = "TensorrtExecutionProvider"
+_WRITABLE_BY_OTHERS = 0o022
 _LOAD_ERRORS = (
     runtime_errors.Fail,
     runtime_errors.InvalidArgument,
@@ -30,10 +34,15 @@ _LOAD_ERRORS = (
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """On how many threads and with which of ONNX Runtime's providers a graph is run."""
+    """On how many threads and with which of ONNX Runtime's providers a graph is run.
+
+    TensorRT's engines are kept in the folder ``engine_cache``; where that is empty, or another
+    user may write to it, they are built anew for every session.
+    """
 
     threads: int = 2
     provider: str = "CPUExecutionProvider"
+    engine_cache: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a provider that this installation lacks: ONNX Runtime itself would only warn."""
@@ -88,7 +97,11 @@ class OnnxGraph:
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
             self._session = onnxruntime.InferenceSession(
-                data, options, providers=[execution.provider], enable_fallback=0
+                data,
+                options,
+                providers=[execution.provider],
+                provider_options=[provider_options(data, execution)],
+                enable_fallback=0,
             )
         except _LOAD_ERRORS as error:
             raise ModelError(f"ONNX Runtime cannot load {name!r}: {_one_line(error)}") from error
@@ -119,6 +132,25 @@ class OnnxGraph:
                 f"ONNX Runtime cannot run {self._name!r}: {_one_line(error)}"
             ) from error
         return [np.asarray(result) for result in results]
+
+
+def provider_options(data: bytes, execution: Execution) -> dict[str, str]:
+    """Options of the provider for a graph: where TensorRT keeps its engine.
+
+    Every graph has a folder by its bytes: TensorRT's names of engines do not depend on weights.
+    """
+    if execution.provider != _TENSORRT or not execution.engine_cache:
+        return {}
+    folder = Path(execution.engine_cache) / sha256(data)
+    try:
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        places = [path.stat() for path in (folder, folder.parent)]
+    except OSError:
+        return {}
+    if any(p.st_uid != os.geteuid() or p.st_mode & _WRITABLE_BY_OTHERS for p in places):
+        return {}
+    return {"trt_engine_cache_enable": "True", "trt_engine_cache_path": str(folder)}
 
 
 def trial_image(width: int, height: int) -> ImageArray:

@@ -13,6 +13,7 @@ from typing import IO
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.record_sections import BlackBoxSection
+from dfvs_service.settings.state_folder import state_folder
 
 _NAME = re.compile(r"(?P<date>\d{8}T\d{6}Z)-(?P<vehicle>[a-z0-9][a-z0-9_-]*)(\.(?P<number>\d+))?")
 LOCK = "lock"
@@ -33,12 +34,7 @@ def flights_folder(section: BlackBoxSection, environment: Mapping[str, str]) -> 
     try:
         if section.folder:
             return Path(section.folder).expanduser().absolute()
-        if state := environment.get("STATE_DIRECTORY", "").split(":")[0]:
-            return Path(state).absolute() / "flights"
-        # The XDG specification has relative paths ignored.
-        if os.path.isabs(state := environment.get("XDG_STATE_HOME", "")):
-            return Path(state) / "dfvs" / "flights"
-        return Path.home() / ".local" / "state" / "dfvs" / "flights"
+        return state_folder(environment) / "flights"
     except RuntimeError as error:
         raise ConfigError(
             "no folder for flights is known: there is no home folder",

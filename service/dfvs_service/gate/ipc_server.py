@@ -57,6 +57,8 @@ class IpcServer:
         self.command_result = ""
         """What became of the last command."""
         self.command_count = 0
+        self.first_report_ns: int | None = None
+        """When perception reported for the first time, monotonic."""
         self.has_seen_frame = False
         """Any report was about a frame."""
 
@@ -86,6 +88,8 @@ class IpcServer:
         if isinstance(message, ServiceFault):
             self._on_fault(message.service_fault[:_MAX_TEXT])
             return None
+        if self.first_report_ns is None:
+            self.first_report_ns = now_ns
         self.has_seen_frame = self.has_seen_frame or message.t_capture_ns > 0
         return Report(now_ns, message)
 

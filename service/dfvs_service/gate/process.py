@@ -33,6 +33,7 @@ from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.gate.input_journal import InputJournal
 from dfvs_service.gate.ipc_server import IpcServer
 from dfvs_service.gate.parent_watchdog import ParentWatchdog
+from dfvs_service.gate.startup import StartupWatch
 from dfvs_service.gate.status import gate_status
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -106,7 +107,7 @@ class GateProcess:
         self._fatal: DfvsError | None = None
         self._device_loss: DfvsError | None = None
         self._stopping = False
-        self._waiting_since_ns: int | None = None
+        self._startup = StartupWatch(config.camera.timeout_s)
         self._selector = selectors.DefaultSelector()
         for source in (self._event_queue, self._ipc, self._parent_watchdog):
             self._selector.register(source, selectors.EVENT_READ)
@@ -255,20 +256,11 @@ class GateProcess:
         return None
 
     def _startup_problem(self, now_ns: int) -> DfvsError | None:
-        """Say that no frame ever came although there was time enough."""
-        machine, timeout_s = self._machine, self._config.camera.timeout_s
-        if self._ipc.has_seen_frame or machine.state is not GateState.PREFLIGHT:
+        """Say that perception never reported, or no frame ever came, in time enough for it."""
+        machine, ipc = self._machine, self._ipc
+        if ipc.has_seen_frame or machine.state is not GateState.PREFLIGHT:
             return None
-        self._waiting_since_ns = (
-            now_ns if self._waiting_since_ns is None else self._waiting_since_ns
-        )
-        if now_ns - self._waiting_since_ns < timeout_s * S:
-            return None
-        return DfvsError(
-            f"no camera frame within {timeout_s:g} s ({machine.perception.reason})",
-            "frames on the camera's Zenoh key",
-            "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
-        )
+        return self._startup.evaluate(now_ns, ipc.first_report_ns, machine.perception.reason)
 
 
 def start_autopilot(

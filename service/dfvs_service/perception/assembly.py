@@ -1,5 +1,6 @@
 """Assembly of perception from settings, for a flight and for its replay."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,7 @@ from dfvs_models.depth import DepthNetwork
 from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.sections import FlowSection
+from dfvs_service.settings.state_folder import engine_cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,8 @@ def flow_matcher(flow: FlowSection) -> Matcher:
     config = MatchingConfig()
     if flow.working_width_px > 0:
         config = replace(config, working_width_px=flow.working_width_px)
-    return load_matcher(flow.model, flow.threads, flow.provider, config)
+    cache = engine_cache(os.environ)
+    return load_matcher(flow.model, flow.threads, flow.provider, config, cache)
 
 
 def servo_task(config: ServiceConfig, goal: Goal) -> ServoTask:
@@ -57,8 +60,8 @@ def depth_network(config: ServiceConfig) -> DepthNetwork | None:
     ModelError
         If there is no such bundle, or it cannot be used.
     """
-    flow = config.flow
-    return load_depth(config.servo.depth, config.depth.model, flow.threads, flow.provider)
+    flow, cache = config.flow, engine_cache(os.environ)
+    return load_depth(config.servo.depth, config.depth.model, flow.threads, flow.provider, cache)
 
 
 def perception_files(config: ServiceConfig) -> dict[str, str]:

@@ -152,6 +152,8 @@ def test_systemd_reads_the_drop_in_of_a_jetson(tmp_path):
     folder.mkdir()
     shutil.copy(DEPLOY / "jetson.conf", folder)
     verify(unit)
+    minutes_s = re.search(r"^TimeoutStartSec=(\d+)$", (folder / "jetson.conf").read_text(), re.M)
+    assert int(minutes_s[1]) >= 600  # TensorRT builds its engines
     (folder / "jetson.conf").write_text("[Service]\nDeviceAllow=char-nvgpu* maybe\n")
     with pytest.raises(AssertionError):
         verify(unit)

@@ -1,0 +1,59 @@
+"""Where TensorRT keeps its engines; no machine of the tests has TensorRT."""
+
+import os
+
+import onnxruntime
+import pytest
+
+from dfvs_models.onnx_session import Execution, provider_options
+
+TENSORRT = "TensorrtExecutionProvider"
+
+
+@pytest.fixture
+def tensorrt(monkeypatch):
+    names = [TENSORRT, "CPUExecutionProvider"]
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: names)
+
+    def execution(folder):
+        return Execution(provider=TENSORRT, engine_cache=str(folder))
+
+    return execution
+
+
+def test_engines_are_kept_apart_by_the_bytes_of_their_graphs(tensorrt, tmp_path):
+    """Its own names of engines are the same for other weights."""
+    one, other, again = (
+        provider_options(data, tensorrt(tmp_path / "engines")) for data in (b"1", b"2", b"1")
+    )
+    assert one["trt_engine_cache_enable"] == "True"
+    assert one["trt_engine_cache_path"].startswith(f"{tmp_path}/engines/")
+    assert one == again
+    assert one["trt_engine_cache_path"] != other["trt_engine_cache_path"]
+
+
+def test_the_folders_are_private_where_groups_may_write_to_new_ones(tensorrt, tmp_path):
+    before = os.umask(0o002)
+    try:
+        assert provider_options(b"1", tensorrt(tmp_path / "engines"))
+    finally:
+        os.umask(before)
+    (folder,) = (tmp_path / "engines").iterdir()
+    assert [path.stat().st_mode & 0o777 for path in (folder, folder.parent)] == [0o700, 0o700]
+
+
+def test_other_providers_and_no_folder_keep_nothing(tensorrt, tmp_path):
+    assert provider_options(b"1", tensorrt("")) == {}
+    assert provider_options(b"1", Execution(engine_cache=str(tmp_path))) == {}
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707])
+def test_engines_that_another_user_could_replace_are_not_used(tensorrt, tmp_path, mode):
+    tmp_path.chmod(mode)
+    assert provider_options(b"1", tensorrt(tmp_path)) == {}
+
+
+def test_a_folder_that_cannot_be_made_keeps_nothing(tensorrt, tmp_path):
+    (tmp_path / "file").touch()
+    assert provider_options(b"1", tensorrt(tmp_path / "file" / "engines")) == {}
