@@ -13,6 +13,8 @@ MAX_KEPT_GOALS = 4
 class GoalStore:
     """Keeps the bytes of the newest goals, unopened, by their digest.
 
+    The process that keeps them remembers their order; another one may pop them.
+
     Parameters
     ----------
     folder : Path
@@ -21,6 +23,8 @@ class GoalStore:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._kept: list[str] = []
+        """Digests of the goals that were kept, oldest first."""
 
     def keep(self, digest: str, data: bytes) -> None:
         """Keep a goal; the oldest beyond ``MAX_KEPT_GOALS`` are removed.
@@ -32,9 +36,9 @@ class GoalStore:
         """
         self._folder.mkdir(mode=0o700, exist_ok=True)
         write_atomic(self._folder / digest, data)
-        kept = sorted(self._folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
-        for old in kept[:-MAX_KEPT_GOALS]:
-            old.unlink(missing_ok=True)
+        self._kept = [each for each in self._kept if each != digest] + [digest]
+        while len(self._kept) > MAX_KEPT_GOALS:
+            (self._folder / self._kept.pop(0)).unlink(missing_ok=True)
 
     def pop(self, digest: str) -> bytes:
         """Give away the goal that the gate accepted.

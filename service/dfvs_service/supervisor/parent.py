@@ -8,6 +8,7 @@ Nothing that died is ever started again into motion.
 
 import contextlib
 import os
+import shutil
 import socket
 import sys
 import time
@@ -71,6 +72,7 @@ def prepare_runtime(
     runtime.config.write_text(config.to_json(), encoding="utf-8")
     for old in runtime.later_goals():
         old.unlink()
+    shutil.rmtree(runtime.new_goals, ignore_errors=True)
     _put_goal(runtime.goal_image, goal)
     for number, following in enumerate(later, start=1):
         _put_goal(runtime.later_goal(number), following)

@@ -1,5 +1,8 @@
 """Commands on their way through the operator link: bounded in size and number, never believed."""
 
+import os
+
+import numpy as np
 import pytest
 from signed_commands import signed
 
@@ -7,9 +10,14 @@ from dfvs_core.errors import WireError
 from dfvs_core.gate.commands.admission import GOAL_RATE
 from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES
 from dfvs_core.gate.events import Action
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_service.goal_store import MAX_KEPT_GOALS, GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import prepare_runtime
 
 S = 1_000_000_000
 
@@ -74,6 +82,33 @@ def test_a_goal_that_was_damaged_on_its_way_is_none(store, tmp_path):
     (tmp_path / "goals" / goal_digest(data)).write_bytes(data[:-1])
     with pytest.raises(WireError, match="not here"):
         store.pop(goal_digest(data))
+
+
+def test_the_newest_goal_is_kept_though_the_wall_clock_steps_back(store, tmp_path):
+    goals = [goal(i)[0] for i in range(MAX_KEPT_GOALS + 1)]
+    for data in goals[:-1]:
+        store.keep(goal_digest(data), data)
+    for path in (tmp_path / "goals").iterdir():
+        os.utime(path, (4e9, 4e9))  # written before the step: times that are still to come
+    store.keep(goal_digest(goals[-1]), goals[-1])
+    assert store.pop(goal_digest(goals[-1])) == goals[-1]
+    with pytest.raises(WireError, match="not here"):
+        store.pop(goal_digest(goals[0]))
+
+
+def test_a_goal_that_comes_again_is_the_newest(store):
+    goals = [goal(i)[0] for i in range(MAX_KEPT_GOALS + 1)]
+    for data in (*goals[:-1], goals[0], goals[-1]):
+        store.keep(goal_digest(data), data)
+    assert store.pop(goal_digest(goals[0])) == goals[0]
+
+
+def test_a_start_leaves_no_goals_of_an_earlier_service(tmp_path):
+    runtime, config = RuntimeFolder(tmp_path), load_config(None, {})
+    GoalStore(runtime.new_goals).keep("earlier", b"goal")
+    sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2))
+    prepare_runtime(runtime, config, Goal(np.zeros((48, 64, 3), np.uint8), sidecar))
+    assert not runtime.new_goals.exists()
 
 
 def test_a_flood_of_goals_is_cut_and_holds_no_more_than_a_few(desk, store, tmp_path):
