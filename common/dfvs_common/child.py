@@ -3,6 +3,7 @@
 import contextlib
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -39,6 +40,13 @@ def start_child(
     """
     variables = {**(environment or {}), **os.environ, **ONE_BLAS_THREAD, **child_environment()}
     return subprocess.Popen(command, stdin=stdin, stdout=stdout, stderr=stderr, env=variables)
+
+
+def describe_end(code: int | None) -> str:
+    """How a process with that exit code ended, in words; negative: by that signal."""
+    if code is not None and code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with code {code}"
 
 
 def end_all(processes: Sequence[subprocess.Popen[Any]], grace_s: float) -> None:

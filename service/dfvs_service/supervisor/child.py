@@ -2,13 +2,12 @@
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.child import start_child
+from dfvs_common.child import describe_end, start_child
 from dfvs_common.lifecycle import ONE_BLAS_THREAD
 
 STEADY_HEAP = {
@@ -96,7 +95,4 @@ class Child:
 
     def describe_end(self) -> str:
         """How it ended, in words."""
-        code = self.code
-        if code is not None and code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
-        return f"ended with code {code}"
+        return describe_end(self.code)
