@@ -108,6 +108,9 @@ def _renderers(args: argparse.Namespace) -> _Renderers:
     if args.scene is not None:
         if args.kinds is not None:
             raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
+        names = [path.stem for path in args.scene]
+        if len(set(names)) < len(names):
+            raise ConfigError(f"scenes are named {', '.join(names)}", "names of their own")
         return {path.stem: functools.partial(of_scene, path) for path in args.scene}
     seeds = _seeds(args.rooms)
     if args.format == "wide":

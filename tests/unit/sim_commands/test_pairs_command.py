@@ -62,6 +62,7 @@ def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
         (["--rooms", "5", "--seed", "-1"], "--seed is -1"),
         (["--rooms", "8001", "--format", "wide"], "rooms 8001 to 8001 to train on"),
         (["--scene", "none.glb"], "none.glb cannot be read"),
+        (["--scene", "a/room.glb", "b/room.glb"], "scenes are named room, room; expected names"),
         (["--scene", "none.glb", "--kinds", "hall"], "--kinds was given with --scene"),
         (["--rooms", "5", "--kinds", "hall,cave"], "no kind of room 'cave'"),
         (
