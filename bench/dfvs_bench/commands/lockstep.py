@@ -126,11 +126,11 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
 
 
 def _line(flight: SimulatedFlight) -> str:
-    end = "-" if flight.end_s is None else f"{flight.end_s:.1f} s"
+    start = "not released to servo" if flight.start_m is None else f"{flight.start_m:.2f} m"
+    end = "" if flight.end_s is None else f" after {flight.end_s:.1f} s"
     held = "" if flight.hold_rms_m is None else f", held to {100 * flight.hold_rms_m:.1f} cm rms"
-    return f"seed {flight.seed}: {flight.start_m:.2f} m, {flight.end_state} after {end}{held}" + (
-        "" if flight.end_state == "DONE" else f" ({flight.end_cause})"
-    )
+    cause = f" ({flight.end_cause})" if flight.end_cause and flight.end_state != "DONE" else ""
+    return f"seed {flight.seed}: {start}, {flight.end_state}{end}{held}{cause}"
 
 
 def _text(value: object) -> str:
