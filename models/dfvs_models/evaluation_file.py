@@ -13,7 +13,7 @@ One ``.npz``; pixel centres lie at +0.5, images are RGB:
 
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,13 @@ _Arrays = dict[str, NDArray[Any]]
 _ARRAYS = ("IA", "IB", "flow", "vis", "level")
 """Arrays that a measurement of flow needs."""
 _DEPTH_ARRAYS = ("IA", "depth")
+
+
+def labelled(paths: Iterable[Path]) -> dict[str, Path]:
+    """Files by their names; those that share a name, by their paths. Each file is there once."""
+    paths = list(dict.fromkeys(paths))
+    names = [path.name for path in paths]
+    return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -133,9 +133,12 @@ def write_json(path: Path, document: Any) -> None:
     ------
     ConfigError
         If the file cannot be written.
+    ValueError
+        If a number is not finite: JSON has none such, and None stands for what is unknown.
     """
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     try:
-        write_atomic(path, (json.dumps(document, indent=2) + "\n").encode())
+        write_atomic(path, text.encode())
     except OSError as error:
         raise ConfigError(
             f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"

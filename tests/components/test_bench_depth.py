@@ -1,6 +1,7 @@
 """``dfvs-bench depth`` on a pairs file made here."""
 
 import json
+import shutil
 
 import depth_bundle
 import numpy as np
@@ -39,6 +40,16 @@ def test_the_table_and_the_json_tell_metric_and_aligned_errors(pairs, tmp_path, 
     assert score["aligned"]["abs_rel"] < 0.02
     assert measured["median_ms"] > 0.0
     assert "aligned" in capsys.readouterr().out
+
+
+def test_files_of_one_name_are_each_measured(pairs, tmp_path):
+    (tmp_path / "other").mkdir()
+    other = shutil.copy(pairs, tmp_path / "other" / "room.npz")
+    folder = bundle_folder(tmp_path / "b", np.full((12, 16), 0.5))
+    words = ["depth", str(pairs), str(other), "--depth-bundle", str(folder)]
+    assert main([*words, "--json", str(tmp_path / "out.json")]) == 0
+    (report,) = json.loads((tmp_path / "out.json").read_text())
+    assert sorted(report["files"]) == sorted([str(pairs), str(other)])
 
 
 def test_a_file_without_depth_is_refused_and_nothing_is_written(pairs, tmp_path, refused):

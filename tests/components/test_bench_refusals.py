@@ -21,6 +21,7 @@ GIVEN = {
     "basin": f"--tasks tasks.json --translations 0.2,4 --rotations 4,4,8 {BASIN}",
     "drone": "--tasks tasks.json --runs runs --estimate low --timeout 120 --ready 90",
     "flow": "wall.npz",
+    "lockstep": "--seeds 0 --timeout 0.2",
     "relocalise": "ROOM",
     "table1": "--tasks tasks.json --runs runs --iterations 2",
 }
@@ -67,6 +68,10 @@ def folder(tmp_path, monkeypatch):
         ("flow", "--threads 0", "--threads is 0; expected 1 to 64"),
         ("flow", "--json none/flow.json", "lies in no folder"),
         ("lockstep", "--seeds a-3", "--seeds is 'a-3'"),
+        ("lockstep", "--seeds 9-3", "--seeds is '9-3'"),
+        ("lockstep", "--json none/f.json", "--json none/f.json lies in no folder"),
+        ("lockstep", "--plot none/f.png", "--plot none/f.png lies in no folder"),
+        ("lockstep", "--plot f.txt", "--plot is 'f.txt'; expected a name that ends in .png"),
         ("lockstep", "--hold 0", "--hold is 0"),
         ("lockstep", "--timeout 4000", "--timeout is 4000"),
         ("lockstep", "--speed -1", "--speed is -1"),

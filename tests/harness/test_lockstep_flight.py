@@ -34,6 +34,12 @@ def test_a_flight_reaches_the_goal_and_stays_there_by_vision(seed):
     assert flight.farthest_m < flight.start_m + 0.1
 
 
+def test_the_time_to_reach_the_goal_does_not_cut_short_how_long_it_is_held():
+    """The shorter time, from the start, ends after DONE and before 4 s of hold are over."""
+    whole = flown(100, hold_s=4.0, timeout_s=40.0)
+    assert flown(100, hold_s=4.0, timeout_s=whole.end_s + 4.0) == whole
+
+
 @pytest.mark.parametrize("seed", [100, 101])
 @pytest.mark.parametrize("mounted_deg", [180.0, 90.0, -90.0], ids=["backwards", "right", "left"])
 def test_a_camera_that_is_mounted_another_way_round_ends_the_flight_at_once(mounted_deg, seed):

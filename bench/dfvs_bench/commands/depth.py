@@ -8,6 +8,7 @@ from dfvs_bench.options import add_pairs_options, check_pairs_options
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth_network
 from dfvs_models.depth_evaluation import measure_depth
+from dfvs_models.evaluation_file import labelled
 from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
@@ -48,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
     reports = []
     for name in dict.fromkeys(args.depth_bundle):
         network = load_depth_network(name, args.threads)
-        files = {p.name: asdict(measure_depth(network, p)) for p in dict.fromkeys(args.pairs)}
+        paths = labelled(args.pairs)
+        files = {label: asdict(measure_depth(network, path)) for label, path in paths.items()}
         reports.append({"bundle": name, "unit": network.unit, "files": files})
         _print(reports[-1])
     if args.json is not None:

@@ -3,9 +3,7 @@
 import argparse
 import sys
 import time
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
-from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
+from dfvs_models.evaluation_file import FlowPairs, labelled, read_flow_pairs
 from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
@@ -98,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     bundles = list(dict.fromkeys(args.bundle or [DEFAULT_MATCHER]))
     matchers = {name: load_matcher(name, args.threads) for name in bundles}
     measured = {name: Measured() for name in bundles}
-    for label, path in _labels(args.pairs).items():
+    for label, path in labelled(args.pairs).items():
         pairs = read_flow_pairs(path)
         for name, matcher in matchers.items():
             _progress(f"{label}: {name} ")
@@ -110,13 +108,6 @@ def run(args: argparse.Namespace) -> int:
         reports = [result.report(name) for name, result in measured.items()]
         write_json(args.json, reports[0] if len(reports) == 1 else reports)
     return 0
-
-
-def _labels(paths: Iterable[Path]) -> dict[str, Path]:
-    """Files by their names; those that share a name, by their paths."""
-    paths = list(dict.fromkeys(paths))
-    names = [path.name for path in paths]
-    return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}
 
 
 def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) -> None:

@@ -1,6 +1,7 @@
 """``dfvs-bench lockstep``: many flights in simulated time, faster than real time."""
 
 import argparse
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from dfvs_bench.lockstep.calibration import plot_calibration
 from dfvs_bench.lockstep.record import SimulatedFlight, summarise
 from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
+from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
 from dfvs_common.progress import log
@@ -17,7 +19,7 @@ from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.options import add_scene_option, require_folder, write_json
 from dfvs_sim.scene import builtin_room_path
 
 _LIMITS = VelocityLimits()
@@ -76,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an option, the scene or the matcher cannot be used.
     """
+    _check_outputs(args)
     jobs = _jobs(args)
     flights: list[SimulatedFlight] = []
     for flight in TrialExecutor(args.workers).finished(fly, jobs):
@@ -94,10 +97,25 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse files that could not be written after the flights."""
+    require_folder("--json", args.json)
+    require_folder("--plot", args.plot)
+    if args.plot is not None:
+        figure_format("--plot", args.plot)
+
+
+def _seeds(words: str) -> range:
+    """Seeds A to B of ``A-B``, or the one of ``A``."""
+    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+    if last < first:
+        raise ConfigError(f"--seeds is {words!r}", "a number, or two as in 0-9")
+    return range(first, last + 1)
+
+
 def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
-    first, _, last = args.seeds.partition("-")
-    if not first.isdigit() or (last and not last.isdigit()):
-        raise ConfigError(f"--seeds is {args.seeds!r}", "a number, or two as in 0-9")
+    seeds = _seeds(args.seeds)
     for name, most in (("hold", 3600.0), ("timeout", 3600.0), ("speed", 5.0), ("slew", 5.0)):
         if not 0 < getattr(args, name) <= most:
             raise ConfigError(f"--{name} is {getattr(args, name):g}", f"above 0, to {most:g}")
@@ -121,16 +139,16 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
             depth=args.depth,
             depth_model=args.depth_bundle,
         )
-        for seed in range(int(first), int(last or first) + 1)
+        for seed in seeds
     ]
 
 
 def _line(flight: SimulatedFlight) -> str:
-    end = "-" if flight.end_s is None else f"{flight.end_s:.1f} s"
+    start = "not released to servo" if flight.start_m is None else f"{flight.start_m:.2f} m"
+    end = "" if flight.end_s is None else f" after {flight.end_s:.1f} s"
     held = "" if flight.hold_rms_m is None else f", held to {100 * flight.hold_rms_m:.1f} cm rms"
-    return f"seed {flight.seed}: {flight.start_m:.2f} m, {flight.end_state} after {end}{held}" + (
-        "" if flight.end_state == "DONE" else f" ({flight.end_cause})"
-    )
+    cause = f" ({flight.end_cause})" if flight.end_cause and flight.end_state != "DONE" else ""
+    return f"seed {flight.seed}: {start}, {flight.end_state}{end}{held}{cause}"
 
 
 def _text(value: object) -> str:

@@ -37,7 +37,8 @@ class LockstepSetup:
     """What a flight in simulated time is made of.
 
     ``latency_s`` is the time from a frame's capture to its report; ``mounted`` is how the camera
-    truly sits, where that differs from what the settings say (``mount``).
+    truly sits, where that differs from what the settings say (``mount``). A flight without an end
+    is given up ``timeout_s`` after the start; one that has ended is watched for ``after_s`` more.
     """
 
     camera: CameraModel
@@ -168,9 +169,9 @@ class LockstepFlight:
         now_s = (self._now_ns - start_ns) * 1e-9
         if self.log.ended_s is None and self.log.end is not None:
             self.log.ended_s = now_s
-        ended_s = self.log.ended_s
-        late = now_s > self._setup.timeout_s
-        return late or (ended_s is not None and now_s > ended_s + self._setup.after_s)
+        if self.log.ended_s is None:
+            return now_s > self._setup.timeout_s
+        return now_s > self.log.ended_s + self._setup.after_s
 
     def _step_gate(self, tick: int) -> None:
         events: list[Event] = list(self._vehicle.events(tick))

@@ -26,7 +26,8 @@ _FALSE_ALARMS = ("camera turns another way", "error does not fall", "goal lost")
 class SimulatedFlight:
     """One flight; distances in m, angles in degrees, times in s since the release to servo.
 
-    ``moved_m`` is how far the camera had moved when the flight ended. ``hold_rms_m`` and
+    ``start_m`` is the distance to the goal at the release, None where there was none. ``moved_m``
+    is how far the camera had moved when the flight ended. ``hold_rms_m`` and
     ``hold_heading_rms_deg`` are of the time after DONE. ``distance_error`` are the logarithms of
     estimated over true distance, from the first metre on, and ``distance_spread`` what was stated
     for them.
@@ -35,7 +36,7 @@ class SimulatedFlight:
     seed: int
     end_state: str
     end_cause: str
-    start_m: float
+    start_m: float | None
     end_s: float | None
     within_s: float | None
     moved_m: float
@@ -70,7 +71,7 @@ def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> Sim
         seed=seed,
         end_state=log.samples[-1].state if last is None else str(last.target),
         end_cause="" if last is None else last.reason,
-        start_m=math.nan if start is None else start.error_m,
+        start_m=None if start is None else start.error_m,
         end_s=end_s,
         within_s=_within_s(flown),
         moved_m=0.0 if start is None else _moved_m(start, flown, end_s),

@@ -61,7 +61,7 @@ class Panorama:
     Parameters
     ----------
     camera : CameraModel
-        Of the views.
+        Of the views. Matches may be at another size.
     """
 
     def __init__(self, camera: CameraModel) -> None:
@@ -95,8 +95,9 @@ class Panorama:
 
     def _turned(self, match: ScanMatch, R_ahead_other: FloatArray) -> FlowField:
         """Flow of a match as a camera would have seen it that is turned by ``R_ahead_other``."""
-        field, camera = match.field, self._camera
-        size = (camera.height, camera.width)
+        field = match.field
+        size = (height, width) = field.flow.shape[:2]
+        camera = self._camera.scaled(width, height)
         pixels = pixel_grid(size)
         xy = camera.normalise(pixels.astype(np.float64))
         rays = np.concatenate([xy, np.ones((*size, 1))], axis=-1)

@@ -26,6 +26,7 @@ from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures, Matcher, track_or_match
+from dfvs_core.matching.warping import flow_at_size
 
 ITERATIONS = 4000
 """The paper's longest run took 3831."""
@@ -55,6 +56,7 @@ class PublishedMethod:
         self._goal_image = goal.image.astype(np.float64)
         self._matcher = matcher
         self._goal = matcher.encode(goal.image)
+        self._camera = goal.camera
         self._xy = _code_coordinates(goal.camera)
         self._per_px = _AUTHORS_WIDTH_PX / goal.camera.width
         self._last: ImageFeatures | None = None
@@ -65,7 +67,7 @@ class PublishedMethod:
         """One step of the published loop."""
         features = self._matcher.encode(observation.image)
         self._flow = track_or_match(self._matcher, features, self._goal, self._flow)
-        flow = _sampled(self._flow.flow) * self._per_px
+        flow = self._flow_px(self._flow)
         inverse_z = self._inverse_depth(features, observation)
         self._last = features
         L = interaction_matrix(self._xy, 1.0 / inverse_z).reshape(-1, 6)
@@ -82,9 +84,14 @@ class PublishedMethod:
         """What the code takes for 1 / Z of every point (N,)."""
         if self._last is None:
             return _sampled(observation.depth.z_m).astype(np.float64).ravel()
-        motion_px = _sampled(self._matcher.match(features, self._last).flow) * self._per_px
+        motion_px = self._flow_px(self._matcher.match(features, self._last))
         lengths: FloatArray = np.linalg.norm(motion_px.reshape(-1, 2), axis=1) + 1.0
         return lengths
+
+    def _flow_px(self, field: FlowField) -> FloatArray:
+        """Flow (h, w, 2) of the sampled pixels, in px of the authors' image size."""
+        field = flow_at_size(field, (self._camera.height, self._camera.width))
+        return _sampled(field.flow) * self._per_px
 
     def _moved(self, twist: FloatArray, observation: Observation) -> FloatArray:
         """Motion (4, 4): shifted along the camera's axes, turned about the first camera's."""

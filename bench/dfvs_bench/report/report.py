@@ -12,8 +12,8 @@ from dfvs_bench.report.page import render
 from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
 from dfvs_bench.report.table1_section import table1_section
 from dfvs_bench.trials.results import TrialRecord
-from dfvs_bench.trials.scenes import SCENES
-from dfvs_bench.trials.task import BenchTask
+from dfvs_bench.trials.scenes import default_tasks
+from dfvs_bench.trials.task import BenchTask, same_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +64,23 @@ def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
         sections.append(basin_section(contents.outcomes))
     if flights:
         sections.append(drone_section(flights))
-    names = {spec.name for spec in SCENES}
     return render(
         "report.html.j2",
         trials=trials,
         flights=flights,
         version=version("dfvs"),
         revisions=sorted({*(r.revision for r in trials), *(f.revision for f in flights)}),
-        are_ours=all(task.name in names for task in contents.tasks),
+        tasks=contents.tasks,
+        are_ours=_are_default(contents.tasks),
         sizes=sorted({*(tuple(r.size) for r in trials), *(tuple(f.size) for f in flights)}),
         matchers=sorted({*(r.matcher for r in trials), *(f.matcher for f in flights)}),
         sections=sections,
         columns=PAPER_COLUMNS,
         scenes=paper_scenes(),
     )
+
+
+def _are_default(tasks: Sequence[BenchTask]) -> bool:
+    """Whether all are tasks that come with the package, poses included."""
+    poses = {task.name: task.poses for task in default_tasks()}
+    return all(t.name in poses and same_poses(t.poses, poses[t.name]) for t in tasks)

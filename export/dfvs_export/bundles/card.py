@@ -39,7 +39,7 @@ def flow_accuracy(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
 
 
 def depth_accuracy(measured: Mapping[str, MeasuredDepth]) -> str:
-    """Errors of depth by the file's name; ``measured`` may be empty."""
+    """Errors of depth by the file's label; ``measured`` may be empty."""
     if not measured:
         return _NOT_MEASURED
     rows = [

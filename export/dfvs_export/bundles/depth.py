@@ -175,7 +175,7 @@ class DepthModel:
         return np.concatenate(apart).astype(np.float32)
 
     def card(self, manifest: Manifest, measured: Mapping[str, MeasuredDepth]) -> str:
-        """Text of the model card; ``measured`` by the file's name may be empty."""
+        """Text of the model card; ``measured`` by the file's label may be empty."""
         meaning = manifest.depth
         assert meaning is not None
         takes_focal = len(manifest.graphs["mono"].inputs) > 1

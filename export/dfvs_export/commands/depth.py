@@ -17,6 +17,7 @@ from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published_depth import DepthWeights
 from dfvs_models.depth import DepthNetwork
 from dfvs_models.depth_evaluation import MeasuredDepth, mean_score, measure_depth
+from dfvs_models.evaluation_file import labelled
 from dfvs_models.onnx_session import Execution
 
 
@@ -43,7 +44,8 @@ def run_depth(arguments: argparse.Namespace) -> int:
         found = compare_with_torch(model, bundle, 2)
         log(f"greatest difference from torch: {found.greatest:.1e}")
     network = DepthNetwork(bundle, Execution())  # as the service loads it: shapes, numbers
-    measured = {path.name: measure_depth(network, path) for path in arguments.pairs}
+    paths = labelled(arguments.pairs)
+    measured = {label: measure_depth(network, path) for label, path in paths.items()}
     card = model.card(bundle.manifest, measured)
     write_bundle(arguments.out, described(bundle, card, _figures(measured)))
     if arguments.model != OWN and arguments.checkpoint is None and arguments.folder is None:

@@ -47,7 +47,7 @@ def run_flow(arguments: argparse.Namespace) -> int:
         scores = accuracy(network_matcher(bundle, Execution()), pairs)
     card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
     write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))
-    if arguments.model != NAME and arguments.weights is None:
+    if arguments.model != NAME and arguments.weights is None and arguments.checkpoint is None:
         print("warning: these weights are random; name --weights to use the network")
     print(f"wrote {arguments.out}")
     return 0

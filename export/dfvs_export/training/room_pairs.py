@@ -68,7 +68,7 @@ class RoomFolder:
     Raises
     ------
     ConfigError
-        If there are none, or a file cannot be read.
+        If there are none.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -78,16 +78,25 @@ class RoomFolder:
         self._kept: dict[Path, dict[str, Any]] = {}
 
     def draw(self, rng: np.random.Generator) -> dict[str, Any]:
-        """Arrays of a room."""
+        """Arrays of a room, which has one pair or more.
+
+        Raises
+        ------
+        ConfigError
+            If its file cannot be read, or holds no pair.
+        """
         path = self._files[rng.integers(len(self._files))]
         if path not in self._kept:
             if len(self._kept) >= _ROOMS_KEPT:
                 self._kept.pop(next(iter(self._kept)))
             try:
                 with np.load(path, allow_pickle=False) as arrays:
-                    self._kept[path] = dict(arrays)
+                    room = dict(arrays)
             except (OSError, ValueError, zipfile.BadZipFile) as error:
                 raise ConfigError(f"{path} holds no pairs ({error})", "a whole file") from error
+            if not len(room.get("T", ())):
+                raise ConfigError(f"{path} holds no pairs", "one or more, or no such file")
+            self._kept[path] = room
         return self._kept[path]
 
 

@@ -27,7 +27,8 @@ _EPILOG = """examples:
                                                         everything; again, to go on
   dfvs-robustness faults --list                                the faults by name
 
-exit code: 0 every case passed and no invariant was violated, 1 not so, 2 cannot run
+exit code: 0 every planned case was run and passed, and no invariant was violated; 1 not so;
+2 cannot run
 """
 
 
@@ -58,7 +59,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the cases; 0 if all passed and nothing was violated."""
+    """Run the cases; 0 if all were run and passed, and nothing was violated."""
     require_range(args, 1, None, "seeds", "workers")
     for name in ("keep", "json", "html"):
         require_folder(f"--{name}", getattr(args, name))
@@ -87,7 +88,8 @@ def run(args: argparse.Namespace) -> int:
 
     run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
     rows = make_rows(list(outcomes.values()), all_faults())
-    report = Report(rows, violations, _command(args), args.remark, answers)
+    not_run = len(set(cases) - set(outcomes))
+    report = Report(rows, violations, not_run, _command(args), args.remark, answers)
     if args.json:
         report.write_json(args.json)
     if args.html:

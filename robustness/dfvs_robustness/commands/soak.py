@@ -124,11 +124,11 @@ def figures(mission: Mission, minutes: float, ended: str) -> dict[str, Any]:
 
 def _print(report: dict[str, Any]) -> None:
     names = f"{'own MB':>10s}{'MB/h':>9s}{'95 % interval':>19s}{'fds':>5s}{'threads':>9s}"
-    print(f"{'process':12s}{names}")
+    print(f"{'process':14s}{names}")
     for p in report["processes"]:
         interval = f"{p['mb_per_h_low']:.2f} to {p['mb_per_h_high']:.2f}"
         print(
-            f"{p['role']:12s}{p['last_own_mb']:10.1f}{p['mb_per_h']:9.2f}{interval:>19s}"
+            f"{p['role']:14s}{p['last_own_mb']:10.1f}{p['mb_per_h']:9.2f}{interval:>19s}"
             f"{p['descriptors_grown']:+5d}{p['threads_grown']:+9d}  memory {p['memory']}"
         )
     print(

@@ -5,6 +5,7 @@ import dataclasses
 import json
 import multiprocessing
 import os
+import queue
 import shutil
 import tempfile
 import time
@@ -13,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.queues import Queue
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from dfvs_common.child import end_worker_with_parent
 from dfvs_common.lifecycle import exit_on_signals
@@ -41,6 +42,9 @@ _ATTEMPTS = 3
 _GRACE_S = 10.0
 """For a worker to end its service and to remove its folder."""
 
+_POLL_S = 1.0
+"""Between two looks at whether the workers are alive, while none reports anything."""
+
 _CASES_PER_HARNESS = 30
 """Seeds of one setup share a harness, and a service where it survives, up to so many cases."""
 
@@ -60,6 +64,13 @@ class Result:
 
     outcome: Outcome | None = None
     violations: tuple[str, ...] = ()
+
+
+class Worker(Protocol):
+    """A process that runs cases."""
+
+    def is_alive(self) -> bool:
+        """Whether it has not ended."""
 
 
 def all_faults() -> dict[str, Fault]:
@@ -139,7 +150,7 @@ def _run_groups(
     for process in processes:
         process.start()
     try:
-        _pass_on(done, len(processes), on_result)
+        pass_on(done, processes, on_result)
     except BaseException:  # such as a signal to end
         for process in processes:
             process.terminate()
@@ -150,10 +161,21 @@ def _run_groups(
             process.kill()
 
 
-def _pass_on(done: Done, running: int, on_result: Callable[[Result], None]) -> None:
-    """Pass on results until all workers have said that they are through."""
+def pass_on(done: Done, workers: Sequence[Worker], on_result: Callable[[Result], None]) -> None:
+    """Pass on results until every worker has said that it is through, or none is alive.
+
+    A worker that is killed says nothing; its cases have no outcome.
+    """
+    running = len(workers)
     while running:
-        result = done.get()
+        # Asked first: what a worker put before its end is in the queue by then.
+        is_any_alive = any(worker.is_alive() for worker in workers)
+        try:
+            result = done.get(timeout=_POLL_S)
+        except queue.Empty:
+            if is_any_alive:
+                continue
+            return
         if result is None:
             running -= 1
         else:

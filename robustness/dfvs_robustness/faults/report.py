@@ -112,6 +112,8 @@ class Report:
     rows : sequence of Row
     violations : sequence of str
         Of the invariants, in any run of the service.
+    not_run : int
+        Planned cases without an outcome.
     command, remark : str
         Command that made the report, and what its readers should know.
     answers : mapping or None
@@ -120,14 +122,16 @@ class Report:
 
     rows: Sequence[Row]
     violations: Sequence[str]
+    not_run: int
     command: str = ""
     remark: str = ""
     answers: Mapping[str, Any] | None = None
 
     @property
     def passed(self) -> bool:
-        """Whether every case passed and nothing was violated."""
-        return all(row.passed == row.seeds for row in self.rows) and not self.violations
+        """Whether every planned case was run and passed, and nothing was violated."""
+        every = all(row.passed == row.seeds for row in self.rows)
+        return every and not self.not_run and not self.violations
 
     @property
     def verdict(self) -> str:
@@ -137,11 +141,12 @@ class Report:
         repeated = sum(r.repeated for r in rows)
         again = f", {repeated} of them not at the first attempt" if repeated else ""
         counts = [r.seeds for r in rows]
+        missing = f", {self.not_run} not run" if self.not_run else ""
         seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
         return (
-            f"{passed} of {cases} cases passed{again} ({len({r.fault for r in rows})} faults, "
-            f"{len(rows)} rows{seeds}); {len(self.violations)} "
-            f"violation{'' if len(self.violations) == 1 else 's'} of I1–I9"
+            f"{passed} of {cases} cases passed{again}{missing} "
+            f"({len({r.fault for r in rows})} faults, {len(rows)} rows{seeds}); "
+            f"{len(self.violations)} violation{'' if len(self.violations) == 1 else 's'} of I1–I9"
         )
 
     def write_json(self, path: Path) -> None:
@@ -149,7 +154,7 @@ class Report:
         rows = [asdict(row) for row in self.rows]
         for row in rows:
             del row["times_ms"]
-        document = {"rows": rows, "violations": list(self.violations)}
+        document = {"rows": rows, "violations": list(self.violations), "not_run": self.not_run}
         text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
         write_atomic(path, text.encode())
 

@@ -7,7 +7,14 @@ from matplotlib.figure import Figure
 
 from dfvs_robustness.soak.sampling import Sample
 
-_COLOURS = {"gate": "#2563a8", "perception": "#d97706", "parent": "#2f8f4e"}
+_COLOURS = {
+    "gate": "#2563a8",
+    "perception": "#d97706",
+    "parent": "#2f8f4e",
+    "operator link": "#9333a8",
+    "black box": "#4b5563",
+    "recorder": "#b91c1c",
+}
 
 
 def write_plots(samples: list[Sample], path: Path) -> None:
@@ -22,14 +29,14 @@ def write_plots(samples: list[Sample], path: Path) -> None:
 
 
 def _lines(axes: Any, samples: list[Sample], name: str, title: str, unit: str) -> None:
-    for role, colour in _COLOURS.items():
-        own = [s for s in samples if s.role == role]
-        values = [float(getattr(s, name)) for s in own]
-        if name == "own_mb" and values:
+    for role, pid in sorted({(s.role, s.pid) for s in samples}):
+        own = [s for s in samples if s.pid == pid]
+        values, label = [float(getattr(s, name)) for s in own], role
+        if name == "own_mb":
             least = min(values)
             values = [value - least for value in values]
-            role = f"{role}, from {least:.0f} MB"
-        axes.plot([s.t_s / 60.0 for s in own], values, color=colour, label=role)
+            label = f"{role}, from {least:.0f} MB"
+        axes.plot([s.t_s / 60.0 for s in own], values, color=_COLOURS[role], label=label)
     axes.set_title(title, loc="left")
     axes.set_xlabel("min")
     axes.set_ylabel(unit)

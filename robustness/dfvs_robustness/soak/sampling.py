@@ -14,6 +14,8 @@ _ROLES = {
     "dfvs_service.gate": "gate",
     "dfvs_service.perception": "perception",
     "dfvs_service.operator_link": "operator link",
+    "dfvs_service.flights": "black box",
+    "dfvs_service.record": "recorder",
 }
 
 
@@ -110,7 +112,7 @@ def own_memory_mb(pid: int) -> float:
 
 
 def role_of(words: list[str]) -> str:
-    """Role of a process by its command line: gate, perception, or else parent."""
+    """Role of a process by its command line; parent where no module of another is in it."""
     for word in words:
         for module, role in _ROLES.items():
             if word == module or word.startswith(f"{module}."):

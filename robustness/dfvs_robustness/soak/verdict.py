@@ -17,9 +17,13 @@ LONGEST_WARM_UP_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class ProcessVerdict:
-    """One process: growth of its memory (PSS) in MB/h with its interval, and of what it holds."""
+    """One process: growth of its own memory, MB/h with its interval, and of what it holds.
+
+    Own memory is ``RssAnon`` and ``RssShmem``: pages that no file stands behind.
+    """
 
     role: str
+    pid: int
     samples: int
     first_own_mb: float
     last_own_mb: float
@@ -48,14 +52,12 @@ def judge(samples: list[Sample]) -> list[ProcessVerdict]:
     """
     last_s = max(s.t_s for s in samples)
     warm_s = min(WARM_UP_SHARE * last_s, LONGEST_WARM_UP_S)
-    verdicts = []
-    for role in sorted({s.role for s in samples}):
-        own = [s for s in samples if s.role == role and s.t_s >= warm_s]
-        verdicts.append(_judge_one(role, own))
-    return verdicts
+    warm = [s for s in samples if s.t_s >= warm_s]
+    verdicts = [_judge_one([s for s in warm if s.pid == pid]) for pid in {s.pid for s in warm}]
+    return sorted(verdicts, key=lambda verdict: (verdict.role, verdict.pid))
 
 
-def _judge_one(role: str, own: list[Sample]) -> ProcessVerdict:
+def _judge_one(own: list[Sample]) -> ProcessVerdict:
     t_h = np.array([s.t_s for s in own]) / 3600.0
     own_mb = np.array([s.own_mb for s in own])
     slope = robust_slope(t_h, own_mb)
@@ -65,7 +67,8 @@ def _judge_one(role: str, own: list[Sample]) -> ProcessVerdict:
     else:
         memory = "failed" if slope.low > MAX_MB_PER_H else "undecided"
     return ProcessVerdict(
-        role=role,
+        role=own[0].role,
+        pid=own[0].pid,
         samples=len(own),
         first_own_mb=round(float(np.median(own_mb[:quarter])), 2),
         last_own_mb=round(float(np.median(own_mb[-quarter:])), 2),

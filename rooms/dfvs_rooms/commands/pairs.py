@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models.evaluation import LEVELS
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
@@ -108,6 +109,9 @@ def _renderers(args: argparse.Namespace) -> _Renderers:
     if args.scene is not None:
         if args.kinds is not None:
             raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
+        names = [path.stem for path in args.scene]
+        if len(set(names)) < len(names):
+            raise ConfigError(f"scenes are named {', '.join(names)}", "names of their own")
         return {path.stem: functools.partial(of_scene, path) for path in args.scene}
     seeds = _seeds(args.rooms)
     if args.format == "wide":
@@ -161,21 +165,30 @@ def _seeds(words: str) -> range:
 
 
 def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
-    """Write a file of wide-baseline pairs for each room; those that exist are kept."""
+    """Write a file of wide-baseline pairs for each room; those that exist are kept.
+
+    A room without any pair gets no file, and is named.
+    """
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{args.out} cannot be made ({error})", "a folder") from error
-    written = {}
+    written: dict[Path, int] = {}
+    without = []
     started = time.monotonic()
     for k, (name, renderer) in enumerate(renderers.items()):
         path = args.out / f"{name}.npz"
         if not path.exists():
             sampler = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
             arrays = sampler.arrays(args.count)
-            write_arrays(path, arrays)
-            written[path] = len(arrays["T"])
+            if len(arrays["T"]):
+                write_arrays(path, arrays)
+                written[path] = len(arrays["T"])
+            else:
+                without.append(name)
         _show_progress(k + 1, len(renderers), "rooms", started)
+    if without:
+        log(f"no pair of views was found in {', '.join(without)}: no file was written")
     return written
 
 

@@ -11,6 +11,7 @@ import torch
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_export.bundles.depth import DepthModel, Spreads
+from dfvs_export.bundles.folder import CARD_NAME
 from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch
@@ -65,6 +66,17 @@ def dense() -> tuple[DepthModel, Bundle]:
 def needs(package):
     found = importlib.util.find_spec(package) is not None
     return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs-lab[published-depth]")
+
+
+def test_files_of_one_name_are_each_measured_for_the_card(own, tmp_path):
+    files = [tmp_path / name / "room.npz" for name in "ab"]
+    for file in files:
+        file.parent.mkdir()
+        np.savez(file, IA=np.full((1, 24, 32, 3), 90, np.uint8), depth=np.full((1, 24, 32), 2.0))
+    words = [*own, "--out", str(tmp_path / "bundle")]
+    assert main(["depth", *words, "--pairs", *map(str, files)]) == 0
+    card = (tmp_path / "bundle" / CARD_NAME).read_text(encoding="utf-8")
+    assert [str(file) in card for file in files] == [True, True]
 
 
 def test_our_network_becomes_a_bundle_that_the_service_loads(own, weights, tmp_path, capsys):

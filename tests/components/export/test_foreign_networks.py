@@ -18,6 +18,8 @@ from dfvs_export.bundles.folder import write_bundle  # noqa: E402
 from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
 from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
 from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
+from dfvs_export.cli import main  # noqa: E402
+from dfvs_export.commands import flow  # noqa: E402
 from dfvs_export.precision.conversion import in_precision  # noqa: E402
 from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
 from dfvs_models.catalog import load_matcher  # noqa: E402
@@ -118,6 +120,19 @@ def test_a_network_of_two_images_agrees_with_torch_and_runs_in_the_service(
     assert field.flow.shape == (64, 96, 2)
     assert np.abs(field.flow).max() > 1.0  # zeros would agree too
     assert "RANDOM" in bundle.manifest.origin
+
+
+@pytest.mark.parametrize(
+    ("option", "is_random"), [(None, True), ("--weights", False), ("--checkpoint", False)]
+)
+def test_only_of_weights_that_nobody_named_it_is_said_that_they_are_random(
+    published: PublishedFlow, tmp_path: Path, monkeypatch, capsys, option: str, is_random: bool
+) -> None:
+    monkeypatch.setattr(flow, "named_matching_network", lambda arguments: published)
+    words = [option, "layers.ckpt"] if option else []
+    out = str(tmp_path / "pair")
+    assert main(["flow", "--model", "ptlflow:layers", *words, "--size", "96x64", "--out", out]) == 0
+    assert ("weights are random" in capsys.readouterr().out) == is_random
 
 
 def test_torch_and_onnx_runtime_differ_where_the_weights_do(published: PublishedFlow) -> None:

@@ -10,6 +10,7 @@ pytest.importorskip("torch")
 
 import torch
 
+from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_export.cli import main
 from dfvs_export.networks.pose_regression import SIZE as POSE_SIZE
@@ -69,6 +70,14 @@ def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes,
     assert (first[0].shape, first[1].shape) == shapes
     for image in (part for part in first if np.shape(part) == shapes[0]):
         assert values[0] <= image.min() < image.max() <= values[1]
+
+
+@pytest.mark.parametrize("reader", [PairReader, DepthViewReader, RoomPoseReader, PlanarPoseReader])
+@pytest.mark.parametrize("arrays", [{"T": np.zeros((0, 4, 4))}, {}], ids=["no pair", "no poses"])
+def test_a_room_without_a_pair_is_named(tmp_path, reader, arrays):
+    np.savez(tmp_path / "30007.npz", **arrays)
+    with pytest.raises(ConfigError, match=r"30007\.npz holds no pairs"):
+        reader(RoomFolder(tmp_path), 1).draw()
 
 
 @pytest.mark.usefixtures("_same_threads")

@@ -1,5 +1,6 @@
 """A small part of the fault matrix, with the real service."""
 
+import json
 import time
 
 import pytest
@@ -33,6 +34,13 @@ def test_the_service_survives_a_sample_of_the_matrix():
     assert [o for o in outcomes if not o.passed] == []
     assert [text for r in results for text in r.violations] == []
     assert all(o.reaction_ms > 0 for o in outcomes if o.fault == "estimator-invalid")
+
+
+def test_a_matrix_without_time_for_its_cases_does_not_pass(tmp_path, capsys):
+    words = ["faults", "--only", "takeover", "--state", "SERVO", "--minutes", "0"]
+    assert main([*words, "--json", str(tmp_path / "faults.json")]) == 1
+    assert "0 of 0 cases passed, 1 not run" in capsys.readouterr().out
+    assert json.loads((tmp_path / "faults.json").read_text())["not_run"] == 1
 
 
 @pytest.mark.timeout(280)

@@ -13,5 +13,6 @@ def test_a_flight_that_never_engaged_ends_in_the_state_in_which_it_waited():
     flight = SimpleNamespace(T_scene_goal=np.eye(4))
     never = simulated_flight(3, flight, LockstepLog([waiting, waiting]))
     assert (never.seed, never.end_state, never.end_cause, never.end_s) == (3, "PREFLIGHT", "", None)
+    assert never.start_m is None
     summary = summarise([never])
     assert (summary["done"], summary["other_ends"]) == (0, [])

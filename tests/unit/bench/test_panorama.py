@@ -24,8 +24,8 @@ def look(R, score, beside_px=0.0):
     return ScanMatch(R, field, score)
 
 
-def panorama(*looks):
-    made = Panorama(CAMERA)
+def panorama(*looks, camera=CAMERA):
+    made = Panorama(camera)
     for each in looks:
         made.add(each)
     return made
@@ -45,6 +45,14 @@ def test_two_that_agree_outweigh_a_better_one():
     right = look(a, 0.03), look(b, 0.04)
     assert panorama(*right, look(c, 0.06, beside_px=40)).best() is right[1]
     assert panorama(*right, wrong := look(c, 0.08, beside_px=40)).best() is wrong
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 240), (160, 90)])
+def test_matches_at_the_matcher_s_size_agree_as_those_at_the_camera_s_do(width, height):
+    _, a, b, c, *_ = ring()
+    right = look(a, 0.03), look(b, 0.04)
+    made = panorama(*right, look(c, 0.06, beside_px=40), camera=CAMERA.scaled(width, height))
+    assert made.best() is right[1]
 
 
 def test_matches_that_do_not_overlap_cannot_agree():

@@ -64,8 +64,8 @@ def test_the_table_counts_by_state_and_names_what_went_wrong():
 def test_the_report_of_the_matrix_holds_it_where_it_is_given():
     document = dataclasses.asdict(times())
     for make in (Report.markdown, Report.html):
-        assert "Answers to commands" in make(Report([], [], answers=document))
-        assert "Answers to commands" not in make(Report([], []))
+        assert "Answers to commands" in make(Report([], [], 0, answers=document))
+        assert "Answers to commands" not in make(Report([], [], 0))
 
 
 def test_results_are_read_back(tmp_path):

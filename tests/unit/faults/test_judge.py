@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import queue
 
 import pytest
 
@@ -13,11 +14,12 @@ from dfvs_robustness.faults.matrix import (
     Result,
     all_faults,
     append_result,
+    pass_on,
     plan,
     read_outcomes,
     shared_harness,
 )
-from dfvs_robustness.faults.report import make_rows
+from dfvs_robustness.faults.report import Report, make_rows
 
 MS = 1_000_000
 S = GateState
@@ -178,6 +180,40 @@ def test_rows_count_seeds_and_name_what_failed():
     (row,) = make_rows([good, bad], {"x": fault(Reaction.HOLD)})
     assert (row.seeds, row.passed, row.max_ms) == (2, 1, 420.0)
     assert row.problems == ("took 420 ms, 300 ms allowed",)
+
+
+@pytest.mark.parametrize(("not_run", "passed"), [(0, True), (1, False)])
+def test_a_report_passes_only_where_every_planned_case_was_run(not_run, passed):
+    good = verdict(Reaction.HOLD, seen(S.HOLD, 200))
+    report = Report(make_rows([good], {"x": fault(Reaction.HOLD)}), [], not_run)
+    assert report.passed == passed
+    assert ("1 of 1 cases passed, 1 not run" in report.verdict) == (not passed)
+
+
+class Worker:
+    """A worker that ends, or is killed, once its results are taken."""
+
+    def __init__(self, done):
+        self._done = done
+
+    def is_alive(self):
+        return not self._done.empty()
+
+
+class Results(queue.Queue):
+    """A queue without a pause in which nothing comes."""
+
+    def get(self, timeout):
+        return super().get(block=False)
+
+
+def test_a_matrix_ends_where_a_worker_is_killed_and_the_others_are_through():
+    done, taken = Results(), []
+    reported = [Result(violations=("first",)), Result(violations=("second",))]
+    for result in (reported[0], None, reported[1]):  # one of two says that it is through
+        done.put(result)
+    pass_on(done, [Worker(done), Worker(done)], taken.append)
+    assert taken == reported
 
 
 def test_the_plan_holds_every_fault_in_each_of_its_states_for_every_seed():

@@ -38,6 +38,14 @@ def test_a_thousand_hostile_frames_do_no_harm(tmp_path, capsys):
     assert 100 < report["admitted"] < 700
 
 
+def test_without_a_good_frame_nothing_is_compared_and_the_run_fails(tmp_path, capsys):
+    path = tmp_path / "frames.json"
+    assert run("--count", 2, "--json", path) == 1
+    assert "no good frame" in capsys.readouterr().out
+    report = json.loads(path.read_text(), parse_constant=pytest.fail)
+    assert (report["good_p99_ms"], report["slowest_over_good"]) == (None, None)
+
+
 @pytest.fixture
 def outcome():
     return lambda: figures(feed(FrameJob(0, 0, 250)), 0)

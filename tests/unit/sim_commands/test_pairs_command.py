@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 from subcommand import run_subcommand
+from tiny_scenes import GlbFile
 
 from dfvs_core.errors import DfvsError
 from dfvs_models.evaluation_file import read_flow_pairs
@@ -43,6 +44,23 @@ def test_wide_pairs_are_a_file_a_room_and_kept_where_they_exist(tmp_path, capsys
     assert path.read_bytes() == first
 
 
+def test_a_room_without_a_pair_is_named_and_gets_no_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("dfvs_rooms.pairs.wide._PLACES_TRIED", 20)  # 3000 take 15 s
+    file = GlbFile()
+    a, b, c, d = ((x, 0.0, z) for x, z in ((-0.1, -0.1), (-0.1, 0.1), (0.1, 0.1), (0.1, -0.1)))
+    file.triangle((a, b, c))
+    file.triangle((a, c, d))
+    file.triangle(((-0.4, 0.0, 0.0), (0.4, 0.0, 0.0), (0.0, 3.0, 0.0)))  # no place is clear of it
+    scene = file.write(tmp_path / "shaft.glb")
+    out = tmp_path / "pairs"
+    words = ["--format", "wide", "--scene", scene, "--count", "2", "--seed", "1", "--out", out]
+    assert run(*words) == 0
+    told = capsys.readouterr()
+    assert "no pair of views was found in shaft" in told.err
+    assert "wrote 0 pairs in 0 files" in told.out
+    assert list(out.iterdir()) == []
+
+
 def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
     made = []
     monkeypatch.setattr(pairs, "room_of_kind", lambda kind, seed: made.append((kind, seed)))
@@ -62,6 +80,7 @@ def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
         (["--rooms", "5", "--seed", "-1"], "--seed is -1"),
         (["--rooms", "8001", "--format", "wide"], "rooms 8001 to 8001 to train on"),
         (["--scene", "none.glb"], "none.glb cannot be read"),
+        (["--scene", "a/room.glb", "b/room.glb"], "scenes are named room, room; expected names"),
         (["--scene", "none.glb", "--kinds", "hall"], "--kinds was given with --scene"),
         (["--rooms", "5", "--kinds", "hall,cave"], "no kind of room 'cave'"),
         (

@@ -1,6 +1,7 @@
 import json
 import mmap
 import os
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -16,6 +17,7 @@ from dfvs_robustness.soak.verdict import judge, latency_figures
 
 MS = 1_000_000
 T_H = np.linspace(0.0, 0.5, 900)
+PAIR = ("gate", "perception")
 
 
 def test_a_slope_is_found_beneath_noise_and_steps_of_the_allocator(rng):
@@ -46,13 +48,15 @@ def test_too_few_samples_give_no_slope():
         robust_slope(np.array([0.0, 1.0, 2.0]), np.zeros(3))
 
 
-def samples(mb_per_h=0.0, descriptors=lambda t_s: 20, threads=lambda t_s: 5, noise=0.05):
+def samples(
+    mb_per_h=0.0, descriptors=lambda t_s: 20, threads=lambda t_s: 5, noise=0.05, roles=PAIR
+):
     rng = np.random.default_rng(1)
     return [
         Sample(
             t_s=t_s,
             role=role,
-            pid=1,
+            pid=pid,
             rss_mb=120.0,
             own_mb=100.0 + mb_per_h * t_s / 3600.0 + rng.normal(0.0, noise),
             descriptors=descriptors(t_s),
@@ -62,7 +66,7 @@ def samples(mb_per_h=0.0, descriptors=lambda t_s: 20, threads=lambda t_s: 5, noi
             latency_p99_ms=90.0 if role == "perception" else None,
         )
         for t_s in np.arange(0.0, 1800.0, 10.0).tolist()
-        for role in ("gate", "perception")
+        for pid, role in enumerate(roles)
     ]
 
 
@@ -74,15 +78,15 @@ def test_memory_is_judged_by_the_interval_and_not_by_luck(mb_per_h, noise, memor
     assert [v.memory for v in judge(samples(mb_per_h, noise=noise))] == [memory] * 2
 
 
+def test_two_processes_of_one_role_are_judged_each_by_itself():
+    growing = [replace(s, own_mb=s.own_mb + s.t_s / 1200.0) if s.pid else s for s in samples()]
+    verdicts = judge([replace(s, role="parent") for s in growing])
+    assert [(v.pid, v.memory) for v in verdicts] == [(0, "passed"), (1, "failed")]
+
+
 def test_the_warm_up_does_not_count():
-    warming = [
-        s if s.t_s > 290 else Sample(**{**as_dict(s), "own_mb": s.t_s / 3.0}) for s in samples()
-    ]
+    warming = [s if s.t_s > 290 else replace(s, own_mb=s.t_s / 3.0) for s in samples()]
     assert all(v.passed for v in judge(warming))
-
-
-def as_dict(sample):
-    return {name: getattr(sample, name) for name in Sample.__slots__}
 
 
 @pytest.mark.parametrize("what", ["descriptors", "threads"])
@@ -102,6 +106,8 @@ def test_latency_is_told_for_the_beginning_and_the_end():
 def test_processes_are_known_by_their_module():
     assert role_of(["python", "-m", "dfvs_service.gate", "--runtime", "x"]) == "gate"
     assert role_of(["python", "-m", "dfvs_service.perception"]) == "perception"
+    assert role_of(["python", "-m", "dfvs_service.flights", "--runtime", "x"]) == "black box"
+    assert role_of(["python", "-m", "dfvs_service.record", "--runtime", "x"]) == "recorder"
     assert role_of(["python", "-m", "dfvs_service.cli", "--goal", "gate.png"]) == "parent"
 
 
@@ -165,6 +171,13 @@ def test_a_soak_that_ended_early_does_not_pass(tmp_path):
 def test_plots_are_drawn_of_few_samples(tmp_path):
     write_plots(samples()[:3], tmp_path / "few.png")
     assert (tmp_path / "few.png").exists()
+
+
+def test_every_process_is_drawn(tmp_path):
+    roles = ("parent", "gate", "perception", "operator link", "black box", "recorder")
+    write_plots(samples(roles=roles), tmp_path / "soak.svg")
+    drawn = (tmp_path / "soak.svg").read_text()  # labels are comments there
+    assert [role for role in roles if f"<!-- {role}, from" not in drawn] == []
 
 
 def servo(t_ms, latency_ms):

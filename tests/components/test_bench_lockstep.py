@@ -1,0 +1,23 @@
+"""``dfvs-bench lockstep``: what is printed and written of its flights."""
+
+import json
+
+import pytest
+
+from dfvs_bench.cli import main
+from dfvs_sim.options import write_json
+
+
+def test_a_flight_that_is_never_released_has_no_start_in_the_json_and_the_line(tmp_path, capfd):
+    out = tmp_path / "flights.json"
+    assert main(["lockstep", "--seeds", "3", "--timeout", "0.2", "--json", str(out)]) == 0
+    (flight,) = json.loads(out.read_text(), parse_constant=pytest.fail)["flights"]
+    assert (flight["start_m"], flight["end_s"], flight["end_state"]) == (None, None, "PREFLIGHT")
+    assert "seed 3: not released to servo, PREFLIGHT  (1 of 1)" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_json_lacks_is_not_written(tmp_path, value):
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "out.json", {"error_m": value})
+    assert list(tmp_path.iterdir()) == []
