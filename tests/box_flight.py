@@ -65,19 +65,20 @@ class BoxFlight:
     def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None):
         self._T_body_camera = (mounted or Mount()).T_body_camera()
         rng = np.random.default_rng(seed)
-        self._matcher = PosedMatcher(ROOM, lambda: _noise(rng))
-        self._matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
+        self.matcher = PosedMatcher(ROOM, lambda: _noise(rng))
+        self.matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
         image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
         sidecar = GoalSidecar(CAMERA)
         task = ServoTask(ServoConfig(depth=depth), CAMERA, sidecar, Mount())
         self._now_ns = _START_NS
         self._image = image
         self._task, self._goal = task, Goal(image, sidecar)
-        self._pipeline = Pipeline(task, self._matcher, self._goal, lambda: self._now_ns, network)
+        self._pipeline = Pipeline(task, self.matcher, self._goal, lambda: self._now_ns, network)
         self._history = VehicleHistory()
         self.position_m = np.array(start_m, np.float64)
         self._estimate_m = self.position_m.copy()
         self.velocity_m_s = np.zeros(3)
+        self.goal_m = np.zeros(3)
         self.looks: list[Look] = []
 
     @property
@@ -85,12 +86,13 @@ class BoxFlight:
         """Memory of the servo step."""
         return self._pipeline._state
 
-    def go_on(self):
-        """Go on to another goal at the same place."""
-        here = self._matcher.T_world_camera
-        self._matcher.T_world_camera = Mount().T_body_camera()
+    def go_on(self, goal_m=(0.0, 0.0, 0.0)):
+        """Go on to another goal, NED off the room's centre."""
+        self.goal_m = np.array(goal_m)
+        here = self.matcher.T_world_camera
+        self.matcher.T_world_camera = make_pose(np.eye(3), self.goal_m) @ Mount().T_body_camera()
         self._pipeline.set_goal(self._task, self._pipeline.prepare(self._goal))
-        self._matcher.T_world_camera = here
+        self.matcher.T_world_camera = here
 
     def step(self, velocity, error, rate_error=None):
         """Fly for 20 ms; the velocity estimate errs by ``error`` (3,) NED, m/s.
@@ -114,10 +116,10 @@ class BoxFlight:
             self._look(rotation_from_euler(roll, pitch, 0.0))
 
     def _look(self, R_world_body):
-        self._matcher.T_world_camera = make_pose(R_world_body, self.position_m)
-        self._matcher.T_world_camera = self._matcher.T_world_camera @ self._T_body_camera
+        self.matcher.T_world_camera = make_pose(R_world_body, self.position_m)
+        self.matcher.T_world_camera = self.matcher.T_world_camera @ self._T_body_camera
         frame = Frame(self._image, self._now_ns, len(self.looks))
         outcome = self._pipeline.process_frame(frame, self._history.at(self._now_ns), engaged=True)
         self._pipeline.work_between_frames()
         t_s = (self._now_ns - _START_NS) * 1e-9
-        self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m)), outcome))
+        self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m - self.goal_m)), outcome))

@@ -8,7 +8,7 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures
 
 HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
@@ -66,21 +66,28 @@ class PosedView(ImageFeatures):
 
 
 class PosedMatcher:
-    """Exact flow between the poses at which images were taken, with an error from ``noise()``."""
+    """Exact flow between the poses at which images were taken, with an error from ``noise()``.
+
+    None while ``is_blind``; ``predicted`` are the flows that tracks were begun with.
+    """
 
     def __init__(self, room, noise):
         self._room, self._noise = room, noise
         self.T_world_camera = np.eye(4)
+        self.is_blind, self.predicted = False, []
 
     def encode(self, image):
         return PosedView(self._room.camera, self.T_world_camera.copy())
 
     def match(self, current, other, *, excluded=()):
+        if self.is_blind:
+            return empty_flow(current.size)
         exact = self._room.flow(current.T_world_camera, other.T_world_camera)
         return FlowField((exact.flow + self._noise()).astype(np.float32), exact.confidence)
 
     def track(self, current, other, predicted):
-        return self.match(current, other)
+        self.predicted.append(predicted)
+        return None if self.is_blind else self.match(current, other)
 
     def extend(self, current, other, known):
         return None

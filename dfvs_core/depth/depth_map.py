@@ -8,7 +8,10 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import ImageError
-from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.geometry.arrays import BoolArray, Float32Array
+
+_MEASURED = 0.1
+"""Validity from which on a depth is more than a guess."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,12 @@ class DepthMap:
             )
         if not (np.isfinite(self.z_m).all() and (self.z_m > 0).all()):
             raise ImageError("depth holds values that are not finite or not positive")
+
+    @property
+    def measured(self) -> BoolArray:
+        """Which depths (H, W) are more than a guess."""
+        measured: BoolArray = self.validity > _MEASURED
+        return measured
 
     def resized(self, size: tuple[int, int]) -> DepthMap:
         """The same depth at ``size`` (height, width), by the nearest pixel."""

@@ -76,7 +76,7 @@ class MotionDepth:
         trust = np.clip(depth.validity.astype(np.float64), 1e-3, 1.0 - 1e-3)
         rho = 1.0 / depth.z_m.astype(np.float64)
         variance = (self.prior_spread * rho) ** 2 * (1.0 - trust) / trust
-        variance = np.where(depth.validity > 0.1, variance, UNKNOWN_VARIANCE)
+        variance = np.where(depth.measured, variance, UNKNOWN_VARIANCE)
         cells, means, variances = _in_goal_view(xy, (rho, variance), link)
         return self._fuse(self._memory(link, None), cells, means, variances)
 

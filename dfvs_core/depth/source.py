@@ -1,5 +1,7 @@
 """Interface of the depth sources; given and constant depth."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -89,6 +91,10 @@ class DepthState:
 
     rho: FloatArray
     variance: FloatArray
+
+    def scaled(self, factor: float) -> DepthState:
+        """The same with all depths times a factor."""
+        return DepthState(self.rho / factor, self.variance / factor**2)
 
 
 class DepthSource(Protocol):

@@ -13,9 +13,11 @@ from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.checks.motion_monitor import MotionMonitor
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.points import GridSamples
+from dfvs_core.servo.points import LEAST_POINTS, GridSamples
 
 _LEAST_DEPTH_M = 1e-3
+_MEMORY_NS = 5_000_000_000
+"""Age of a depth map up to which it stands in for that of a frame which does not show the goal."""
 
 
 class Status(enum.Enum):
@@ -105,13 +107,15 @@ class ServoState:
     """Memory from frame to frame.
 
     ``depth`` is relative, in units whose length in metres is in ``estimate``; ``depth_map``, on the
-    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) marks which
+    grid, is metric and of the last frame that showed the goal, captured at ``depth_ns``.
+    ``T_current_goal`` is of the last frame and metric. ``outliers`` (h, w) marks which
     points of that grid contradict the motion to the goal, where it explains the others and they are
     many. ``last`` is the last frame, None before the first one.
     """
 
     depth: DepthState | None = None
     depth_map: DepthMap | None = None
+    depth_ns: int = 0
     T_current_goal: FloatArray | None = None
     estimate: GoalEstimate | None = None
     last: LastFrame | None = None
@@ -119,18 +123,29 @@ class ServoState:
     attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
 
+    def without_old_depth(self, t_capture_ns: int) -> ServoState:
+        """Memory for a frame; a depth map of seconds ago shows another view."""
+        if t_capture_ns - self.depth_ns <= _MEMORY_NS:
+            return self
+        return replace(self, depth_map=None, estimate=None if self.depth is None else self.estimate)
+
     def without_goal(self) -> ServoState:
-        """Memory of depth, scale, odometry and mounting alone, to begin with another goal."""
+        """Memory of depth, scale, odometry and mounting alone, to begin with another goal.
+
+        The scale is that of a measured depth: without one it is forgotten.
+        """
         last = self.last
         if last is not None:  # the next flow leads to another image
             unknown = np.zeros_like(last.samples.confidence)
             last = replace(last, samples=replace(last.samples, confidence=unknown), position=None)
+        depth_map = self.depth_map
+        measured = 0 if depth_map is None else np.count_nonzero(depth_map.measured)
         return ServoState(
-            depth_map=self.depth_map,
-            estimate=self.estimate,
+            depth_map=depth_map,
+            depth_ns=self.depth_ns,
+            estimate=self.estimate if measured >= LEAST_POINTS else None,
             last=last,
             monitor=self.monitor.without_goal(),
-            attitude_error_rad=self.attitude_error_rad,
         )
 
 

@@ -63,6 +63,9 @@ class FilterModel:
         Normalised innovation squared above which a measurement is an outlier.
     scale_gate : float
         The same above which a measurement does not update the scale: one right one in a thousand.
+    guess_spread : float
+        Mean relative standard deviation of the depths from which on they are a guess: a measurement
+        by them does not update the scale either.
     outliers : int
         So many outliers in a row are a new position.
     """
@@ -81,6 +84,7 @@ class FilterModel:
     drift_per_s: float = 0.001
     gate: float = 30.0
     scale_gate: float = 16.0
+    guess_spread: float = 0.45
     outliers: int = 5
 
 
@@ -241,17 +245,19 @@ def update(
     x = estimate.x + K @ innovation
     P = estimate.P - K @ S @ K.T
     P = 0.5 * (P + P.T)
-    if nis > model.scale_gate:
+    if nis > model.scale_gate or seen.spread > model.guess_spread:
         x[_S], P[_S, _S] = estimate.x[_S], estimate.P[_S, _S]
     adapted = replace(estimate, x=x, P=P, outliers=0)
     return replace(adapted, error_m_s=_adapted(adapted, dt_s, model))
 
 
-def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) -> GoalEstimate:
+def restructured(
+    estimate: GoalEstimate, before: FloatArray, after: FloatArray, model: FilterModel
+) -> GoalEstimate:
     """Estimate after the relative depth has changed, and with it a measured position (3,).
 
-    That is no motion. The distance in metres stays: what the scale is wrong by then, the odometry
-    tells from there on.
+    That is no motion. While the scale is open the distance in metres stays: what the scale is wrong
+    by then, the odometry tells from there on. A scale that is known stays.
     """
     stretch = math.log(
         max(float(np.linalg.norm(after)), 1e-9) / max(float(np.linalg.norm(before)), 1e-9)
@@ -260,8 +266,10 @@ def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) 
         return estimate
     x, P = estimate.x.copy(), estimate.P.copy()
     x[_P] += after - before
-    x[_S] -= stretch
-    P[_S, _S] += stretch**2
+    if P[_S, _S] > 0.0:
+        stretch *= min(P[_S, _S] / model.scale_spread**2, 1.0)
+        x[_S] -= stretch
+        P[_S, _S] += stretch**2
     return replace(estimate, x=x, P=P)
 
 

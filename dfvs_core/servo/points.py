@@ -11,6 +11,9 @@ from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 
+LEAST_POINTS = 24
+"""Points by which a pose is estimated, or two structures are compared."""
+
 GUESSED_SPREAD = 0.5
 """Relative standard deviation of inverse depth around a guess: a scene's own spread."""
 

@@ -24,14 +24,13 @@ from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import attitude_error, corrected, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
-from dfvs_core.servo.points import points_from_flow, sample_grid
+from dfvs_core.servo.points import LEAST_POINTS, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.structure.relative_depth import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
 
-_MIN_POINTS = 24
 _NOISE_FACTOR = 10.0
 _GO_ON = 0.5
 """Factor on the share of the view that must show the goal, once it has been found."""
@@ -62,6 +61,7 @@ def servo_step(
     if not inputs.flow.is_finite():
         return _refused(task, Status.NOT_FINITE, 0.0), state
 
+    state = state.without_old_depth(inputs.t_capture_ns)
     a = inputs.attitude
     R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
     inputs = replace(inputs, attitude=corrected(a, state.attitude_error_rad))
@@ -88,7 +88,6 @@ def servo_step(
     state = replace(
         state,
         depth=depth_state,
-        depth_map=in_metres(depth, unit_m),
         T_current_goal=T_predicted,
         estimate=estimate,
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples),
@@ -96,7 +95,7 @@ def servo_step(
         outliers=None,
     )
     least = task.config.min_overlap * (1.0 if T_guess is None else _GO_ON)
-    if overlap < least or trusted.sum() < _MIN_POINTS:
+    if overlap < least or trusted.sum() < LEAST_POINTS:
         return _refused(task, Status.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 
@@ -146,6 +145,8 @@ def servo_step(
     outliers = _outliers(task, pose, trusted).reshape(samples.confidence.shape)
     return result, replace(
         state,
+        depth_map=in_metres(depth, estimate.metres_per_unit),
+        depth_ns=inputs.t_capture_ns,
         T_current_goal=scaled(pose.T_current_goal, estimate.metres_per_unit),
         estimate=estimate,
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples, position),

@@ -15,7 +15,7 @@ from dfvs_core.servo.goal_filter import (
     predict,
     update,
 )
-from dfvs_core.servo.level import level_rotation
+from dfvs_core.servo.level import corrected, level_rotation
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.task import ServoTask
 
@@ -62,7 +62,10 @@ def _odometry(task: ServoTask, state: ServoState, inputs: ServoInputs) -> Odomet
     R = so3_exp(task.basis.B[3:, 3] * (inputs.attitude.yaw_rad - then.yaw_rad))
     velocity_then = task.basis.B @ state.last.velocity
     velocity_m_s = 0.5 * (velocity_then[:3] + R @ velocity[:3])
-    return OdometryDelta(dt_s, level_rotation(task, then) @ displacement_m, velocity_m_s, R)
+    # The odometry told the displacement by the attitude that it reported.
+    roll, pitch = state.attitude_error_rad
+    R_level = level_rotation(task, corrected(then, (-roll, -pitch)))
+    return OdometryDelta(dt_s, R_level @ displacement_m, velocity_m_s, R)
 
 
 def correct_goal(

@@ -31,6 +31,15 @@ def learnt():
     return found
 
 
+def test_the_first_structure_keeps_the_unit_that_the_scale_is_of():
+    """From far aside, where little of the goal is seen."""
+    flight = BoxFlight((-3.5, 1.5, 0.8))
+    while flight.state.depth is None:
+        flight.step((0.3, 0.1, 0.0), error=np.zeros(3))
+    assert flight.state.estimate.metres_per_unit == pytest.approx(1.0, abs=0.1)
+    assert flight.state.estimate.scale_spread == pytest.approx(0.6, abs=0.01)
+
+
 def test_the_unit_does_not_drift_while_measurements_add_up(learnt):
     """Each baseline is measured by the depth that it then improves."""
     units = np.array([unit_m for unit_m, _, _ in learnt.values()])

@@ -43,6 +43,14 @@ def test_depth_is_not_learnt_from_a_velocity_error_while_the_vehicle_stands_stil
     assert distance.max() < 3.0
 
 
+def test_a_vehicle_that_stands_for_long_learns_no_scale_however_its_odometry_wanders():
+    flight = BoxFlight((-1.5, 0.4, 0.1))
+    for error in lasting(0, 20.0, deviation=0.2, time_s=3.0):
+        flight.step(NOWHERE, error)
+    assert 0.8 < flight.state.estimate.metres_per_unit < 1.25
+    assert flight.state.estimate.scale_spread > 0.55
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_depth_is_not_learnt_while_the_vehicle_drifts_and_believes_to_stand_still(seed):
     flight = BoxFlight(FAR_M, seed=seed)

@@ -19,19 +19,16 @@ from dfvs_core.servo.exchange import (
 from dfvs_core.servo.goal_filter import restructured
 from dfvs_core.servo.level import level_points, real_pose
 from dfvs_core.servo.motion import find_goal, wanted_motion
-from dfvs_core.servo.points import GridSamples, points_from_flow, sample_grid
+from dfvs_core.servo.points import LEAST_POINTS, GridSamples, points_from_flow, sample_grid
 from dfvs_core.servo.structure.depth_choice import depth_source
 from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
+from dfvs_core.servo.tracking import filter_model
 
 _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""
 _FIRST_PASSES = 5
 """The same for a first frame, whose pose is not predicted."""
-_LEAST_POINTS = 24
-"""Points by which a pose is estimated, or two structures are compared."""
-_MEASURED = 0.1
-"""Validity from which on a depth is more than a guess."""
 
 
 def scaled(T: FloatArray, factor: float) -> FloatArray:
@@ -91,7 +88,7 @@ def _first_link(
     last = LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples)
     T = np.eye(4)
     link = goal_link(task, inputs.attitude, samples, T)
-    if np.count_nonzero(link.cell >= 0) < _LEAST_POINTS:
+    if np.count_nonzero(link.cell >= 0) < LEAST_POINTS:
         return None, None
     for _ in range(_FIRST_PASSES):
         depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
@@ -101,15 +98,15 @@ def _first_link(
         before = in_metres(state.depth_map, 1.0 / task.unit_m)
         depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
         factor = _ratio(depth, before, link)
-        structure = DepthState(structure.rho * factor, structure.variance * factor**2)
+        structure = structure.scaled(1.0 / factor)
         link = replace(link, T_current_goal=scaled(link.T_current_goal, 1.0 / factor))
     return link, structure
 
 
 def _ratio(depth: DepthMap, other: DepthMap, link: GoalLink) -> float:
     """Median ratio of two depths of a grid, where both are known and the goal is seen; or 1."""
-    known = (link.cell >= 0) & (np.minimum(depth.validity, other.validity) > _MEASURED)
-    if np.count_nonzero(known) < _LEAST_POINTS:
+    known = (link.cell >= 0) & depth.measured & other.measured
+    if np.count_nonzero(known) < LEAST_POINTS:
         return 1.0
     return float(np.median(depth.z_m[known] / other.z_m[known]))
 
@@ -188,7 +185,13 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
         learnt = source.observe(xy, view, link, memory)
         depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
         T_unit, position = _goal_pose(unit_task, last, depth, T_unit)
-    estimate = restructured(estimate, last.position, position)
+    assert learnt is not None
+    if state.depth is None and np.count_nonzero(relative.measured) < LEAST_POINTS:
+        # The first structure of all: its unit is that of the guess before, which the scale is of.
+        factor = source.prior / float(np.median(depth.z_m))
+        learnt, depth = learnt.scaled(factor), in_metres(depth, factor)
+        T_unit, position = scaled(T_unit, factor), factor * position
+    estimate = restructured(estimate, last.position, position, filter_model(task))
     return replace(
         state,
         depth=learnt,

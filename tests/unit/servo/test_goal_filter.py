@@ -228,21 +228,40 @@ def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(nis, teaches)
     assert np.linalg.eigvalsh(after.P)[0] > 0.0
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.3])
-def test_another_structure_is_no_motion_and_leaves_the_distance(factor):
-    before = settled().estimate
-    position = before.x[:3]
-    after = restructured(before, position, factor * position)
-    np.testing.assert_allclose(after.position_m, before.position_m)
+@pytest.mark.parametrize("factor", [0.8, 1.3])
+def test_another_structure_is_no_motion_and_leaves_the_distance_while_the_scale_is_open(factor):
+    camera = Camera(np.random.default_rng(3), np.array([0.3, -0.2, 2.0]))
+    camera.look()
+    before = camera.estimate
+    after = restructured(before, before.x[:3], factor * before.x[:3], MODEL)
+    np.testing.assert_allclose(after.x[:3], factor * before.x[:3])
+    assert abs(math.log(after.distance_m / before.distance_m)) < 0.25 * abs(math.log(factor))
     np.testing.assert_array_equal(after.rate_error_m_s, before.rate_error_m_s)
-    assert after.scale_spread >= abs(math.log(factor))
+    assert after.scale_spread > before.scale_spread
+
+
+@pytest.mark.parametrize("factor", [0.2, 0.5, 2.0, 5.0])
+def test_a_known_scale_does_not_follow_a_structure_that_moves_the_goal(factor):
+    """That is a wrong match, or the noise of a short distance: the depths are as they were."""
+    before = settled().estimate
+    after = restructured(before, before.x[:3], factor * before.x[:3], MODEL)
+    assert abs(math.log(after.metres_per_unit / before.metres_per_unit)) < 0.1
+    assert after.scale_spread < before.scale_spread + 0.1
 
 
 def test_at_the_goal_another_structure_says_nothing_of_the_scale():
     """There the distance has no size that could be stretched."""
     before = hovering(STILL)
-    after = restructured(before, np.array([1e-6, 0.0, 0.0]), np.array([0.0, 1e-2, 0.0]))
+    after = restructured(before, np.array([1e-6, 0.0, 0.0]), np.array([0.0, 1e-2, 0.0]), METRIC)
     assert after is before
+
+
+def test_a_metric_scale_stays_when_the_structure_changes():
+    before = hovering(STILL)
+    after = restructured(before, before.x[:3], 0.5 * before.x[:3], METRIC)
+    np.testing.assert_allclose(after.x[:3], 0.5 * before.x[:3])
+    assert after.metres_per_unit == 1.0
+    assert after.scale_spread == 0.0
 
 
 def test_another_goal_keeps_the_scale_and_the_odometry_s_error():

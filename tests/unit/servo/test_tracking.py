@@ -9,6 +9,7 @@ from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, LastFrame, ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
+from dfvs_core.servo.level import corrected
 from dfvs_core.servo.points import sample_grid
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import predict_goal
@@ -19,12 +20,15 @@ FRAME_S = 0.125
 NO_FLOW = empty_flow((48, 64))
 
 
-def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0):
+def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0, attitude_error_rad=(0.0, 0.0)):
     """Estimate after a frame of a vehicle that flew forward at the first velocity of the two."""
     seen = PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0)
     start, end = forward_m_s
-    last = LastFrame(0, Attitude(), np.array([start, 0.0, 0.0, 0.0]), sample_grid(NO_FLOW, 8))
-    state = ServoState(estimate=begin(seen, FilterModel()), last=last)
+    then = corrected(Attitude(), attitude_error_rad)
+    last = LastFrame(0, then, np.array([start, 0.0, 0.0, 0.0]), sample_grid(NO_FLOW, 8))
+    state = ServoState(
+        estimate=begin(seen, FilterModel()), last=last, attitude_error_rad=attitude_error_rad
+    )
     inputs = ServoInputs(
         now_ns=0,
         t_capture_ns=round(FRAME_S * 1e9),
@@ -49,6 +53,12 @@ def test_a_velocity_counts_in_the_axes_of_its_own_frame():
     end = 0.4 * np.cos(yaw_rad), -0.4 * np.sin(yaw_rad)
     slip = carried_on((0.4, end[0]), 0.05, yaw_rad, right_m_s=end[1]).slip_m_s
     np.testing.assert_allclose(slip, 0.0, atol=1e-6)
+
+
+def test_the_odometry_is_levelled_by_the_attitude_that_was_reported():
+    """Level flight stays level, however far the goal's tilt differs from its sidecar's."""
+    slip = carried_on((0.3, 0.3), FRAME_S * 0.3, attitude_error_rad=(0.02, 0.05)).slip_m_s
+    np.testing.assert_allclose(slip, 0.0, atol=1e-9)
 
 
 def test_a_position_that_moves_as_no_velocity_tells_slips():
