@@ -164,6 +164,7 @@ class GateMachine(TransitionState):
         elif self.state is GateState.HOLD:
             self._restart_engagement()
             self._engagement.is_confirmed_response = False
+            self._engagement.response = None
             self._since = self._now
         elif is_done and not self.stream.is_silent:
             self._restart_engagement()
