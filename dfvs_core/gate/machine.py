@@ -246,12 +246,19 @@ class GateMachine(TransitionState):
                 self._request = ModeRequest.OFFBOARD
 
     def _evaluate_abort(self) -> None:
-        """Zeros until a heartbeat shows the mode; Hold, once, where that is OFFBOARD."""
-        timing = self.config.timing
-        if self._elapsed(self._since) > timing.mode_known_ns:
+        """Zeros until a heartbeat shows the mode; Hold, once, where that surely is OFFBOARD."""
+        if self._elapsed(self._since) > self.config.timing.mode_known_ns:
             self.stream.silence()
-        is_known = self._elapsed(self.vehicle.heartbeat.t_ns) <= timing.mode_known_ns
-        is_offboard_known = self.vehicle.is_offboard and self.vehicle.is_armed and is_known
+        is_offboard_known = (
+            self.vehicle.is_offboard and self.vehicle.is_armed and self._is_mode_known()
+        )
         if is_offboard_known and not self.stream.is_silent and not self._is_hold_requested:
             self._is_hold_requested = True
             self._request = ModeRequest.HOLD
+
+    def _is_mode_known(self) -> bool:
+        """Whether a change of mode would have been received by now."""
+        vehicle, timing = self.vehicle, self.config.timing
+        received_ns = max(vehicle.attitude.t_ns, vehicle.position.t_ns)
+        is_linked = self._elapsed(received_ns) <= timing.link_silent_ns
+        return is_linked and self._elapsed(vehicle.heartbeat.t_ns) <= timing.mode_known_ns
