@@ -19,7 +19,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from dfvs_core.gate.checks.preflight import failures
-from dfvs_core.gate.config import MS
+from dfvs_core.gate.config import MS, Engage
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
     Action,
@@ -38,6 +38,21 @@ from dfvs_core.gate.flight import Moment, decide
 from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
 from dfvs_core.gate.transitions import TransitionState
 from dfvs_core.gate.vehicle import Fault
+
+_WAITING = frozenset({GateState.PREFLIGHT, GateState.READY})
+"""States in which the gate may wait for a command to engage."""
+
+_ENGAGED_BY = {
+    Engage.PILOT: "the pilot selects OFFBOARD",
+    Engage.AUTO: "it engages once the vehicle flies in Hold",
+    Engage.NEVER: "nothing is flown",
+}
+_NO_ENGAGE_IN = {
+    GateState.IDLE: "no vehicle heard",
+    GateState.ABORT: "the flight is still being ended, command it again",
+    GateState.DONE: "the goal is reached, send another goal",
+}
+"""Why a command to engage does nothing."""
 
 
 class GateMachine(TransitionState):
@@ -140,15 +155,16 @@ class GateMachine(TransitionState):
         elif self.is_finished:
             self._commanded_ns = self._now
             self._go(GateState.PREFLIGHT, (Cause.OPERATOR_AGAIN, ""))
-        elif self.state in (GateState.PREFLIGHT, GateState.READY):
+        elif self.state in _WAITING and self.config.engage is Engage.COMMAND:
             self._commanded_ns = self._now
         elif self.state in FLYING and self._engagement.is_held:
             self._engagement.is_held = False
             self._since = self._now
-        elif self.state is GateState.ABORT:
-            self._refusal = "rejected: the flight is still being ended, command it again"
-        elif self.state is GateState.DONE:
-            self._refusal = "rejected: the goal is reached, send another goal"
+        elif self.state in _WAITING:
+            engage = self.config.engage
+            self._refusal = f"rejected: gate.engage is {engage}: {_ENGAGED_BY[engage]}"
+        else:
+            self._refusal = f"rejected: {_NO_ENGAGE_IN.get(self.state, 'already engaged')}"
 
     def _on_goal(self, goal: str) -> None:
         """Set another goal, where nothing moves: checks, overlap and response begin anew."""
