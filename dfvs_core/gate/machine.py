@@ -185,6 +185,7 @@ class GateMachine(TransitionState):
         elif is_done and not self.stream.is_silent:
             self._restart_engagement()
             self._go(GateState.HOLD, cause)
+        self.has_reached = False
 
     def _restart_engagement(self) -> None:
         """Begin another engagement where the goal of this one was reached."""
@@ -192,7 +193,6 @@ class GateMachine(TransitionState):
             is_held = self._engagement.is_held
             self._engagement = begin(self.vehicle, self._now)
             self._engagement.is_held = is_held
-            self.has_reached = False
 
     def _invalidate_perception(self, fault: Fault) -> None:
         """Invalidate the last report, and stop."""

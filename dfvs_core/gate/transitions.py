@@ -32,7 +32,7 @@ class TransitionState:
         self.reason = ""
         """Why the machine is in this state; in PREFLIGHT, what is missing."""
         self.has_reached = False
-        """The goal was reached in the last engagement."""
+        """The goal was reached in the last engagement; not any more once there is another."""
         self.vehicle = VehicleMonitor()
         self.perception = PerceptionMonitor(config.timing)
         self.stream = SetpointStream(config)
