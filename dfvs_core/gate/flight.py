@@ -137,16 +137,21 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
     if engagement.is_held:
         return None
     watch = _unwatched(moment)
+    is_new = not engagement.is_confirmed_response
+    lack = moment.perception.lack_of_overlap(moment.config.min_overlap) if is_new else ""
     if moment.in_state_ns > timing.hold_ns:
-        reason = moment.perception.reason if watch is None else f"{watch[0]}: {watch[1]}"
+        reason = _hold_reason(moment, watch, lack)
         return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, reason))
-    if watch is not None:
-        return None
-    if (
-        not engagement.is_confirmed_response
-        and moment.perception.overlap < moment.config.min_overlap
-    ):
+    if watch is not None or lack:
         return None
     if moment.perception.good_for_ns(moment.now_ns) >= timing.good_data_ns:
         return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))
     return None
+
+
+def _hold_reason(moment: Moment, watch: Fault | None, lack: str) -> str:
+    """Why HOLD lasts; the last fault where data are good now, and have not been for long."""
+    if watch is not None:
+        return f"{watch[0]}: {watch[1]}"
+    is_stale = moment.perception.stale(moment.now_ns) is not None
+    return moment.perception.reason if is_stale or not lack else lack

@@ -19,7 +19,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from dfvs_core.gate.checks.preflight import failures
-from dfvs_core.gate.config import MS
+from dfvs_core.gate.config import MS, Engage
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
     Action,
@@ -38,6 +38,21 @@ from dfvs_core.gate.flight import Moment, decide
 from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
 from dfvs_core.gate.transitions import TransitionState
 from dfvs_core.gate.vehicle import Fault
+
+_WAITING = frozenset({GateState.PREFLIGHT, GateState.READY})
+"""States in which the gate may wait for a command to engage."""
+
+_ENGAGED_BY = {
+    Engage.PILOT: "the pilot selects OFFBOARD",
+    Engage.AUTO: "it engages once the vehicle flies in Hold",
+    Engage.NEVER: "nothing is flown",
+}
+_NO_ENGAGE_IN = {
+    GateState.IDLE: "no vehicle heard",
+    GateState.ABORT: "the flight is still being ended, command it again",
+    GateState.DONE: "the goal is reached, send another goal",
+}
+"""Why a command to engage does nothing."""
 
 
 class GateMachine(TransitionState):
@@ -140,15 +155,16 @@ class GateMachine(TransitionState):
         elif self.is_finished:
             self._commanded_ns = self._now
             self._go(GateState.PREFLIGHT, (Cause.OPERATOR_AGAIN, ""))
-        elif self.state in (GateState.PREFLIGHT, GateState.READY):
+        elif self.state in _WAITING and self.config.engage is Engage.COMMAND:
             self._commanded_ns = self._now
         elif self.state in FLYING and self._engagement.is_held:
             self._engagement.is_held = False
             self._since = self._now
-        elif self.state is GateState.ABORT:
-            self._refusal = "rejected: the flight is still being ended, command it again"
-        elif self.state is GateState.DONE:
-            self._refusal = "rejected: the goal is reached, send another goal"
+        elif self.state in _WAITING:
+            engage = self.config.engage
+            self._refusal = f"rejected: gate.engage is {engage}: {_ENGAGED_BY[engage]}"
+        else:
+            self._refusal = f"rejected: {_NO_ENGAGE_IN.get(self.state, 'already engaged')}"
 
     def _on_goal(self, goal: str) -> None:
         """Set another goal, where nothing moves: checks, overlap and response begin anew."""
@@ -164,10 +180,12 @@ class GateMachine(TransitionState):
         elif self.state is GateState.HOLD:
             self._restart_engagement()
             self._engagement.is_confirmed_response = False
+            self._engagement.response = None
             self._since = self._now
         elif is_done and not self.stream.is_silent:
             self._restart_engagement()
             self._go(GateState.HOLD, cause)
+        self.has_reached = False
 
     def _restart_engagement(self) -> None:
         """Begin another engagement where the goal of this one was reached."""
@@ -175,7 +193,6 @@ class GateMachine(TransitionState):
             is_held = self._engagement.is_held
             self._engagement = begin(self.vehicle, self._now)
             self._engagement.is_held = is_held
-            self.has_reached = False
 
     def _invalidate_perception(self, fault: Fault) -> None:
         """Invalidate the last report, and stop."""
@@ -245,12 +262,19 @@ class GateMachine(TransitionState):
                 self._request = ModeRequest.OFFBOARD
 
     def _evaluate_abort(self) -> None:
-        """Zeros until a heartbeat shows the mode; Hold, once, where that is OFFBOARD."""
-        timing = self.config.timing
-        if self._elapsed(self._since) > timing.mode_known_ns:
+        """Zeros until a heartbeat shows the mode; Hold, once, where that surely is OFFBOARD."""
+        if self._elapsed(self._since) > self.config.timing.mode_known_ns:
             self.stream.silence()
-        is_known = self._elapsed(self.vehicle.heartbeat.t_ns) <= timing.mode_known_ns
-        is_offboard_known = self.vehicle.is_offboard and self.vehicle.is_armed and is_known
+        is_offboard_known = (
+            self.vehicle.is_offboard and self.vehicle.is_armed and self._is_mode_known()
+        )
         if is_offboard_known and not self.stream.is_silent and not self._is_hold_requested:
             self._is_hold_requested = True
             self._request = ModeRequest.HOLD
+
+    def _is_mode_known(self) -> bool:
+        """Whether a change of mode would have been received by now."""
+        vehicle, timing = self.vehicle, self.config.timing
+        received_ns = max(vehicle.attitude.t_ns, vehicle.position.t_ns)
+        is_linked = self._elapsed(received_ns) <= timing.link_silent_ns
+        return is_linked and self._elapsed(vehicle.heartbeat.t_ns) <= timing.mode_known_ns

@@ -32,7 +32,7 @@ class TransitionState:
         self.reason = ""
         """Why the machine is in this state; in PREFLIGHT, what is missing."""
         self.has_reached = False
-        """The goal was reached in the last engagement."""
+        """The goal was reached in the last engagement; not any more once there is another."""
         self.vehicle = VehicleMonitor()
         self.perception = PerceptionMonitor(config.timing)
         self.stream = SetpointStream(config)
@@ -111,21 +111,34 @@ class TransitionState:
             self.stream.is_silent = False
             self.has_reached = False
         elif target is GateState.SERVO:
-            is_asked = self.config.timing.response_ns > 0
-            is_open = is_asked and not self._engagement.is_confirmed_response
-            self._engagement.response = InitialResponse(self._now) if is_open else None
+            self._check_response()
+        elif target is GateState.HOLD and self.state is GateState.DONE:
+            self._engagement.response = None
         elif target is GateState.DONE:
-            self.has_reached = True
-            if self.config.on_done is OnDone.HOLD_VISUAL:
-                if self._engagement.reached_ns is None:
-                    self._engagement.reached_ns = self._now
-            elif self.config.on_done is OnDone.HOLD:
-                self._engagement.hold_requested = True
-                self._request = ModeRequest.HOLD
+            self._enter_done()
         elif target is GateState.ABORT:
             self._is_hold_requested = False
         elif target is GateState.RELEASED:
             self.stream.silence()
+
+    def _enter_done(self) -> None:
+        self.has_reached = True
+        if self.config.on_done is OnDone.HOLD_VISUAL:
+            if self._engagement.reached_ns is None:
+                self._engagement.reached_ns = self._now
+        elif self.config.on_done is OnDone.HOLD:
+            self._engagement.hold_requested = True
+            self._request = ModeRequest.HOLD
+
+    def _check_response(self) -> None:
+        """Begin the initial-response check, or go on with the one that a HOLD interrupted."""
+        engagement = self._engagement
+        if self.config.timing.response_ns <= 0 or engagement.is_confirmed_response:
+            engagement.response = None
+        elif engagement.response is None:
+            engagement.response = InitialResponse(self._now)
+        else:
+            engagement.response.resume(self._now)
 
     def _next_setpoint(self) -> BodyVelocity | None:
         if not self._is_moving:

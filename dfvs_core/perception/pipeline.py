@@ -157,7 +157,13 @@ class Pipeline:
         return partial(preview_goal, self._matcher, task, goal, frame)
 
     def process_frame(
-        self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
+        self,
+        frame: Frame,
+        motion: Motion,
+        engaged: bool,
+        depth: DepthMap | None = None,
+        *,
+        paused: bool = False,
     ) -> FrameResult:
         """Work on one frame.
 
@@ -171,6 +177,8 @@ class Pipeline:
             Whether the vehicle follows: progress is only asked for then.
         depth : DepthMap, optional
             Of the frame, where something else measures it (``depth = "given"``).
+        paused : bool
+            Whether it is held instead, and may follow again: progress is what it was then.
         """
         t_ns, T_world_camera = frame.t_capture_ns, motion.T_world_body() @ self._T_body_camera
         marks = [self._tick()]
@@ -200,6 +208,7 @@ class Pipeline:
             earlier=earlier,
             given_depth=None if depth is None else depth.resized(features.size),
             engaged=engaged,
+            paused=paused,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
@@ -308,6 +317,6 @@ class Pipeline:
             self._period_ns = t_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
-        inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
+        inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False, paused=False)
         self._last = Keyframe(features, T_world_camera, inputs, self._state.without_goal())
         self._keyframes.add(self._last, self._depth_m)

@@ -75,6 +75,8 @@ class ServoInputs:
         (H, W) in the current view, for ``depth = "given"``.
     engaged : bool
         Whether the vehicle is following; progress is only asked for then.
+    paused : bool
+        Whether it is held instead, and may follow again: the time without progress stands still.
     """
 
     now_ns: int
@@ -86,6 +88,7 @@ class ServoInputs:
     earlier: EarlierMatch | None = None
     given_depth: DepthMap | None = None
     engaged: bool = True
+    paused: bool = False
 
 
 @dataclass(frozen=True, slots=True)

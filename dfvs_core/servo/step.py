@@ -115,7 +115,14 @@ def servo_step(
 
     # 6. Watch the motion, and judge.
     frame = FrameMotion(
-        inputs.t_capture_ns, matched, pose.weight, estimate, motion, velocity, inputs.engaged
+        inputs.t_capture_ns,
+        matched,
+        pose.weight,
+        estimate,
+        motion,
+        velocity,
+        is_engaged=inputs.engaged,
+        is_paused=inputs.paused,
     )
     measures, monitor = monitor.measure(task, frame)
     status = _judge(task, pose, equations, measures)

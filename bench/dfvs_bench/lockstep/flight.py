@@ -195,8 +195,10 @@ class LockstepFlight:
         if motion is not None:
             frame = Frame(self._render(T), self._now_ns, self._frames)
             self._frames += 1
-            engaged = str(self._gate.state) == "SERVO"
-            outcome = self.pipeline.process_frame(frame, motion, engaged)
+            state = str(self._gate.state)
+            outcome = self.pipeline.process_frame(
+                frame, motion, engaged=state == "SERVO", paused=state == "HOLD"
+            )
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
             if not outcome.is_coasting:
                 self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))

@@ -15,6 +15,9 @@ tests has passed:
 What cannot be told apart yet goes on at reduced speed, up to a time limit. Errors are compared as
 medians of a few reports. The feature error does not depend on what is known of depth; the pose
 error does, but it falls where the feature error stays since way and turn cancel in the image.
+
+A HOLD interrupts the check: neither its time nor its motion counts, nor what an error changes by in
+it. Errors are compared within each period in SERVO, and their falls are added up.
 """
 
 import enum
@@ -22,6 +25,7 @@ import itertools
 import math
 import statistics
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
@@ -57,15 +61,40 @@ class Response(enum.Enum):
     FAILED = "failed"
 
 
+class Fall(NamedTuple):
+    """Fall of an error over one or more periods in SERVO, and its standard deviation."""
+
+    amount: float
+    deviation: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the fall is more than noise explains."""
+        return self.amount > CLEAR_FALL * self.deviation
+
+    def plus(self, other: "Fall") -> "Fall":
+        """Sum of the falls of two periods."""
+        return Fall(self.amount + other.amount, math.hypot(self.deviation, other.deviation))
+
+
+_NONE = Fall(0.0, 0.0)
+_UNKNOWN = Fall(math.nan, math.nan)
+"""Of an error that some report lacks; with any other fall it stays unknown."""
+
+
 @dataclass(slots=True)
 class InitialResponse:
     """Errors reported, motion asked for and motion made since the vehicle was released to servo.
 
-    Vectors are (forward, right, down) in m, angles in rad.
+    Vectors are (forward, right, down) in m, angles in rad. ``start_ns`` and ``errors`` are of the
+    present period in SERVO; ``earlier_ns`` and ``earlier`` are the time in SERVO, and the falls of
+    distance, angle and feature error, in the periods before it.
     """
 
     start_ns: int
     errors: list[tuple[float, float, float | None]] = field(default_factory=list)
+    earlier_ns: int = 0
+    earlier: tuple[Fall, Fall, Fall] = (_NONE, _NONE, _NONE)
     mounting_score: float | None = None
     """The last one that was reported."""
     asked_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -74,6 +103,14 @@ class InitialResponse:
     turned_rad: float = 0.0
     _last_ns: int | None = None
     _last_yaw_rad: float = 0.0
+
+    def resume(self, now_ns: int) -> None:
+        """Begin another period in SERVO, after a HOLD."""
+        self.earlier = self._falls()
+        if self._last_ns is not None:
+            self.earlier_ns += self._last_ns - self.start_ns
+        self.start_ns, self._last_ns = now_ns, None
+        self.errors = []
 
     def update(self, report: PerceptionReport) -> None:
         """Take the errors of a good report, and the mounting's statistic where it has one."""
@@ -107,16 +144,16 @@ class InitialResponse:
         return math.copysign(1.0, self.asked_rad) * self.turned_rad if self.asked_rad else 0.0
 
     def evaluate(self, now_ns: int, timing: GateTiming) -> Response:
-        """Result so far."""
-        since_ns, score = now_ns - self.start_ns, self.mounting_score
+        """Result so far; confirmed only after the least time without a HOLD."""
+        period_ns, score = now_ns - self.start_ns, self.mounting_score
+        since_ns = self.earlier_ns + period_ns
         if since_ns < timing.response_ns:
             return Response.OPEN
-        if score is not None and score >= MOUNTING_SCORE:
-            return Response.CONFIRMED
+        is_right = score is not None and score >= MOUNTING_SCORE
         is_over = since_ns >= timing.response_limit_ns
         may_confirm = score is None or (is_over and score >= DOUBTFUL_MOUNTING)
-        if may_confirm and self._has_fallen():
-            return Response.CONFIRMED
+        if is_right or (may_confirm and self._has_fallen()):
+            return Response.CONFIRMED if period_ns >= timing.response_ns else Response.OPEN
         was_asked = math.hypot(*self.asked_m) >= ASKED_M or abs(self.asked_rad) >= ASKED_RAD
         return Response.FAILED if was_asked and is_over else Response.OPEN
 
@@ -133,11 +170,19 @@ class InitialResponse:
         moved, turned = self.followed_m >= MIN_PATH_M, self.followed_rad >= MIN_TURN_RAD
         if not (moved or turned):
             return False
+        distance, angle, feature = self._falls()
+        return feature.is_clear or (moved and distance.is_clear) or (turned and angle.is_clear)
+
+    def _falls(self) -> tuple[Fall, Fall, Fall]:
+        """Falls of distance, angle and feature error over all periods in SERVO."""
         features = [e[2] for e in self.errors if e[2] is not None]
-        if len(features) == len(self.errors) and _is_falling(features):
-            return True
-        by_way = moved and _is_falling([e[0] for e in self.errors])
-        return by_way or (turned and _is_falling([e[1] for e in self.errors]))
+        is_complete = len(features) == len(self.errors)
+        distance, angle, feature = self.earlier
+        return (
+            distance.plus(_fall([e[0] for e in self.errors])),
+            angle.plus(_fall([e[1] for e in self.errors])),
+            feature.plus(_fall(features) if is_complete else _UNKNOWN),
+        )
 
 
 def _advance(
@@ -154,16 +199,16 @@ def _in_body(own: VehicleMotion) -> tuple[float, float, float]:
     return c * north + s * east, c * east - s * north, down
 
 
-def _is_falling(errors: list[float]) -> bool:
-    """Whether the last errors are below the first by more than their noise explains.
+def _fall(errors: list[float]) -> Fall:
+    """Fall from the first errors to the last; none where the reports are too few.
 
     The noise is that of the changes from one report to the next; the median of n values is off by
     1.25 / sqrt(n) of it.
     """
     if len(errors) < _MIN_REPORTS:
-        return False
+        return _NONE
     count = min(_MEDIAN_OF, len(errors) // 2)
     first, last = statistics.median(errors[:count]), statistics.median(errors[-count:])
     changes = [abs(b - a) for a, b in itertools.pairwise(errors)]
     noise = statistics.median(changes) / (0.6745 * math.sqrt(2.0))
-    return first - last > CLEAR_FALL * noise * 1.25 * math.sqrt(2.0 / count)
+    return Fall(first - last, noise * 1.25 * math.sqrt(2.0 / count))

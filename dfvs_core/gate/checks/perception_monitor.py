@@ -141,9 +141,15 @@ class PerceptionMonitor:
         recent = [t - capture for t, capture in self.arrivals if now_ns - t < PACE_NS]
         return len(recent) * S / PACE_NS, round(statistics.median(recent)) if recent else 0
 
+    def lack_of_overlap(self, min_overlap: float) -> str:
+        """How little of the goal is in view, as one line; empty where it is enough."""
+        if self.overlap >= min_overlap:
+            return ""
+        return f"overlap {self.overlap:.0%}, {min_overlap:.0%} needed"
+
     @property
     def reason(self) -> str:
-        """Why nothing may be flown by, as one line."""
+        """Last fault, as one line: why nothing may be flown by, where ``good`` is None."""
         cause, detail = self.fault
         return f"{cause}: {detail}" if detail else str(cause)
 

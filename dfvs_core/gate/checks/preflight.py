@@ -159,10 +159,9 @@ def _frames(perception: PerceptionMonitor, config: GateConfig, now_ns: int) -> C
 def _overlap(perception: PerceptionMonitor, config: GateConfig) -> Check:
     if perception.lost:
         return Check("goal", False, f"goal lost, {perception.reason}", _GOAL)
-    found = f"overlap {perception.overlap:.0%}"
-    if perception.overlap < config.min_overlap:
-        return Check("goal", False, f"{found}, {config.min_overlap:.0%} needed", _GOAL)
-    return Check("goal", True, found)
+    if lack := perception.lack_of_overlap(config.min_overlap):
+        return Check("goal", False, lack, _GOAL)
+    return Check("goal", True, f"overlap {perception.overlap:.0%}")
 
 
 def _mounting(perception: PerceptionMonitor) -> Check:

@@ -54,6 +54,8 @@ class FrameMotion:
         From here to the goal, m and rad, and what is flown, m/s and rad/s.
     is_engaged : bool
         Whether the vehicle follows.
+    is_paused : bool
+        Whether it is held, and may follow again.
     """
 
     t_ns: int
@@ -63,6 +65,7 @@ class FrameMotion:
     motion: FloatArray
     velocity: FloatArray
     is_engaged: bool
+    is_paused: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +149,7 @@ class MotionMonitor:
         turn_rad = (task.basis.B @ frame.motion)[3:]
         sample = error_sample(frame.t_ns, estimate.position_m, turn_rad, length, config)
         is_asked = frame.is_engaged and _may_approach(task, frame)
-        stop = update_stop(self.stop, sample, is_asked)
+        stop = update_stop(self.stop, sample, is_asked, frame.is_paused)
         window = window_error(stop)
         lengths = np.linalg.norm(frame.points.error, axis=1)
         measures = MotionMeasures(

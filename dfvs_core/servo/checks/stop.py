@@ -64,7 +64,7 @@ class WindowError:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The smallest errors so far, and when either of them last fell."""
+    """The smallest errors so far, and when either of them last fell; a pause shifts that time."""
 
     t_ns: int
     score: float
@@ -87,13 +87,38 @@ def error_sample(
     return ErrorSample(t_ns, offset, turn, feature_error)
 
 
-def update_stop(state: StopState, now: ErrorSample, engaged: bool) -> StopState:
-    """Take one frame's error in; progress counts only while engaged."""
+def update_stop(
+    state: StopState, now: ErrorSample, engaged: bool, paused: bool = False
+) -> StopState:
+    """Take one frame's error in; progress counts only while engaged.
+
+    ``paused``: not engaged, but in a HOLD that may lead on. The time without progress stands still
+    then; else it begins anew.
+    """
     since = now.t_ns - _LONG_NS
     recent = (*(s for s in state.recent if s.t_ns >= since), now)
-    if not engaged or state.progress is None:
-        return StopState(recent, Progress(now.t_ns, now.score, now.feature_error))
-    return StopState(recent, _advance(state.progress, now))
+    progress = state.progress
+    if progress is None or not (engaged or paused):
+        progress = Progress(now.t_ns, now.score, now.feature_error)
+    elif paused:
+        progress = _pause(progress, state.recent[-1], now)
+    else:
+        progress = _advance(progress, now)
+    return StopState(recent, progress)
+
+
+def _pause(progress: Progress, last: ErrorSample, now: ErrorSample) -> Progress:
+    """Progress after a frame that does not count, neither its time nor its change of error."""
+    return Progress(
+        t_ns=progress.t_ns + now.t_ns - last.t_ns,
+        score=_rebased(progress.score, last.score, now.score),
+        feature_error=_rebased(progress.feature_error, last.feature_error, now.feature_error),
+    )
+
+
+def _rebased(smallest: float, last: float, now: float) -> float:
+    """Smallest error whose ratio to the error stays what it was, or 1 where the error is larger."""
+    return now * max(smallest / last, 1.0) if last > 0.0 else now
 
 
 def _advance(progress: Progress, now: ErrorSample) -> Progress:

@@ -23,6 +23,7 @@ from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
 from dfvs_service.operator_link.name_lease import NameLease
+from dfvs_service.operator_link.state_pace import StatePace
 from dfvs_service.pace import Pace
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -50,7 +51,7 @@ class OperatorLink:
         self._config = config
         self._runtime = runtime
         self._topics = Topics(config.vehicle.name)
-        self._pace = Pace.of_rate(config.telemetry.state_hz)
+        self._pace = StatePace(Pace.of_rate(config.telemetry.state_hz))
         self._filter = CommandFilter(GoalStore(runtime.new_goals), time.monotonic_ns())
         self._telemetry: Telemetry | None = None
         self._answers: queue.Queue[CommandAnswer] = queue.Queue(_MAX_ANSWERS)
@@ -107,13 +108,15 @@ class OperatorLink:
         self._telemetry.close()
 
     def _on_gate(self, message: FromGate) -> None:
-        """Thread of the gate's datagrams: offer states at their rate, and every answer."""
+        """Thread of the gate's datagrams: offer states as they are due, and every answer."""
         if isinstance(message, CommandAnswer):
             with contextlib.suppress(queue.Full):
                 self._answers.put_nowait(message)
             return
         self._state = message.state
-        if self._telemetry is not None and self._pace.due(time.monotonic_ns()):
+        if self._telemetry is None:
+            return
+        if self._pace.due(message.state, time.monotonic_ns()):
             self._telemetry.offer_json("state", dump(message))
 
     def _publish_answer(self, publisher: zenoh.Publisher) -> None:

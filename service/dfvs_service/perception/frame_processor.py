@@ -18,6 +18,8 @@ from dfvs_service.frames import RawSample
 
 SERVO_STATES = frozenset({"SERVO"})
 """States in which the error must fall."""
+PAUSED_STATES = frozenset({"HOLD"})
+"""States that interrupt those: the time in which the error must fall stands still."""
 
 UNKNOWN_ATTITUDE = "the vehicle's attitude at capture is not known"
 """Why a good frame is refused."""
@@ -65,12 +67,13 @@ class FrameProcessor:
         self._tick = tick
         self._validator_state = GuardState()
         self._history = VehicleHistory()
-        self._servoing = False
+        self._servoing = self._paused = False
         self.refused = 0
 
     def on_gate_status(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
         self._servoing = status.state in SERVO_STATES
+        self._paused = status.state in PAUSED_STATES
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
@@ -87,7 +90,9 @@ class FrameProcessor:
         if motion is None:
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, UNKNOWN_ATTITUDE)
         t_decoded = self._tick()
-        frame_result = self._pipeline.process_frame(frame, motion, self._servoing)
+        frame_result = self._pipeline.process_frame(
+            frame, motion, self._servoing, paused=self._paused
+        )
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,

@@ -78,6 +78,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "response_ns": 1 * S,
         "response_limit_ns": 6 * S,
         "mode_known_ns": 1500 * MS,
+        "link_silent_ns": 200 * MS,
         "command_valid_ns": 5 * S,
     }
     limits = dataclasses.astuple(VelocityLimits())

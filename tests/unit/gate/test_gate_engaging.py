@@ -295,3 +295,61 @@ def test_the_table_of_transitions_never_leads_into_motion_from_an_end():
         assert not TRANSITIONS[end] & {GateState.ENGAGE, GateState.SERVO}
     for end in (GateState.ABORT, GateState.RELEASED):
         assert GateState.HOLD not in TRANSITIONS[end]
+
+
+# --- commands to engage that do nothing -----------------------------------------------------
+
+
+def engage(gate):
+    return gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE)).refusal
+
+
+@pytest.mark.parametrize("state", [GateState.PREFLIGHT, GateState.READY])
+@pytest.mark.parametrize(
+    ("by", "reason"),
+    [
+        (Engage.PILOT, "gate.engage is pilot: the pilot selects OFFBOARD"),
+        (Engage.AUTO, "gate.engage is auto: it engages once the vehicle flies in Hold"),
+        (Engage.NEVER, "gate.engage is never: nothing is flown"),
+    ],
+)
+def test_where_no_command_engages_it_is_refused_with_the_setting(by, reason, state):
+    gate = Rehearsal(pilot_config(engage=by))
+    gate.vehicle.mode = VehicleMode.POSITION
+    gate.until(state)
+    assert engage(gate) == f"rejected: {reason}"
+
+
+@pytest.mark.parametrize("state", [GateState.PREFLIGHT, GateState.READY])
+def test_a_command_that_engages_is_accepted(state):
+    assert engage(Rehearsal(COMMAND).until(state)) == ""
+
+
+def test_before_a_vehicle_is_heard_a_command_to_engage_is_refused():
+    gate = Rehearsal(COMMAND)
+    gate.vehicle.sends_heartbeat = False
+    assert engage(gate) == "rejected: no vehicle heard"
+
+
+@pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
+def test_an_engaged_gate_refuses_to_engage_again(state):
+    gate = Rehearsal()
+    if state is GateState.HOLD:
+        gate.until(GateState.SERVO)
+        gate.sees = False
+    assert engage(gate.until(state)) == "rejected: already engaged"
+
+
+def test_a_commanded_hold_is_lifted_once():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    assert (engage(gate), engage(gate)) == ("", "rejected: already engaged")
+
+
+@pytest.mark.parametrize("by", list(Engage))
+def test_after_its_end_a_flight_is_left_by_a_command_in_any_case(by):
+    gate = Rehearsal(pilot_config(engage=by)).until(GateState.READY)
+    gate.tick(OperatorCommand(gate.now_ns, Action.ABORT))
+    gate.run(2.0)
+    assert engage(gate) == ""
+    assert gate.last.cause is Cause.OPERATOR_AGAIN

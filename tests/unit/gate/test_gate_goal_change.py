@@ -135,6 +135,30 @@ def test_after_a_takeover_a_new_goal_moves_nothing_until_engaged_again(mode):
     assert gate.machine.perception.goal == GOAL
 
 
+@pytest.mark.parametrize("end", ["handed over", "taken over", "stopped"])
+def test_a_goal_that_is_not_flown_yet_is_not_reached(end):
+    gate = at_goal(auto_config(on_done=OnDone.HOLD if end == "handed over" else OnDone.ZERO))
+    if end == "taken over":
+        gate.beat(mode=VehicleMode.POSITION)
+    elif end == "stopped":
+        gate.tick(OperatorCommand(gate.now_ns, Action.ABORT))
+    gate.run(2.0)
+    assert gate.machine.is_finished
+    assert gate.machine.has_reached
+    assert change_goal(gate).refusal == ""
+    assert not gate.machine.has_reached
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.run(0.5)
+    assert gate.state is GateState.PREFLIGHT
+    assert not gate.machine.has_reached
+
+
+def test_a_goal_that_is_refused_leaves_reached_what_it_was():
+    gate = at_goal(auto_config(on_done=OnDone.HOLD))
+    assert change_goal(gate).refusal
+    assert gate.machine.has_reached
+
+
 def test_a_goal_that_is_lost_counts_only_if_it_is_the_one_looked_for():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
     gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))

@@ -261,6 +261,17 @@ def test_an_error_within_tolerance_need_not_fall_and_one_that_grows_out_of_it_ab
     assert gate.last.cause is Cause.ERROR_NOT_FALLING
 
 
+def test_a_hold_at_the_goal_begins_the_check_anew():
+    gate = at_goal_from_the_start(asked=(0.05, 0.0, 0.0, 0.0)).run(20.0)
+    gate.send([gate.report(healthy=False)])
+    gate.changes = {"reached": False}
+    gate.until(GateState.SERVO)
+    start_ns = gate.now_ns
+    gate.until(GateState.ABORT)
+    assert gate.last.cause is Cause.ERROR_NOT_FALLING
+    assert gate.now_ns - start_ns == GateTiming().response_limit_ns
+
+
 def test_where_zeros_are_sent_the_check_ends_with_the_flight():
     config = auto_config(on_done=OnDone.ZERO)
     gate = Rehearsal(config, fall_m_s=0.0, changes={"reached": True}).until(GateState.DONE)

@@ -8,7 +8,7 @@ from gate_rehearsal import TICK_NS, Rehearsal, auto_config
 
 from dfvs_core.gate.checks.initial_response import InitialResponse, Response
 from dfvs_core.gate.config import MS, GateTiming, S
-from dfvs_core.gate.events import BadReport
+from dfvs_core.gate.events import Action, BadReport, OperatorCommand
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import VehicleMotion
@@ -278,6 +278,104 @@ def test_asking_to_and_fro_is_asking_for_nothing():
     assert motion.judge() is Response.OPEN
 
 
+# --- HOLD -----------------------------------------------------------------------------------
+
+
+def holding(motion, seconds=3.0, turn_rad=0.0):
+    """Let a HOLD pass, in which the vehicle may turn."""
+    motion.now_ns += round(seconds * S)
+    motion.yaw_rad += turn_rad
+    motion.check.resume(motion.now_ns)
+    return motion
+
+
+def test_the_time_limit_counts_the_time_in_servo_over_all_periods():
+    motion = holding(holding(Motion().run(2.52)).run(2.52))
+    # A period lasts until its last setpoint: 2.5 s each.
+    assert motion.check.evaluate(motion.now_ns + S - 1, TIMING) is Response.OPEN
+    assert motion.check.evaluate(motion.now_ns + S, TIMING) is Response.FAILED
+
+
+def test_a_period_without_a_setpoint_lasts_no_time():
+    motion = holding(Motion().see(), seconds=30.0)
+    assert motion.check.earlier_ns == 0
+
+
+def test_periods_shorter_than_the_least_time_fail_as_well():
+    motion = Motion()
+    for _ in range(12):
+        holding(motion.run(0.52))
+    assert motion.judge() is Response.FAILED
+
+
+def test_falls_within_the_periods_add_up_and_a_rise_in_the_hold_does_not_count():
+    motion = holding(Motion().run(5.0).see(errors(distance=(1.0, 0.985))))
+    assert motion.judge() is Response.OPEN
+    motion.see(errors(distance=(3.0, 2.985))).run(1.02)
+    assert motion.judge() is Response.CONFIRMED
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ({}, {}),
+        ({"distance": (1.0, 1.05)}, {"distance": (0.5, 0.47)}),
+        ({"distance": (1.0, 0.97)}, {"distance": (0.5, 0.55)}),
+        ({"feature": (0.5, 0.55)}, {"feature": (0.3, 0.27)}),
+    ],
+)
+def test_a_fall_in_the_hold_confirms_nothing(first, second):
+    motion = holding(Motion().run(3.0).see(errors(**({"distance": (1.0, 1.0)} | first))))
+    motion.see(errors(**({"distance": (0.5, 0.5)} | second))).run(1.02)
+    assert motion.judge() is Response.OPEN
+    assert motion.run(2.1).judge() is Response.FAILED
+
+
+@pytest.mark.parametrize(
+    ("asked", "more"), [(TURN, {"angle": (0.3, 0.28)}), (TURN, {"feature": (0.3, 0.28)})]
+)
+def test_angle_and_feature_error_of_an_earlier_period_count(asked, more):
+    motion = holding(Motion().run(1.5, asked).see(errors(**more))).see(errors(feature=(0.3, 0.3)))
+    assert motion.run(1.02, asked).judge() is Response.CONFIRMED
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3])
+@pytest.mark.parametrize(("share", "is_confirmed"), [(1.001, True), (0.999, False)])
+def test_the_noise_of_the_periods_adds_up_in_squares(periods, share, is_confirmed):
+    least = 4.0 * 0.01 / (0.6745 * math.sqrt(2.0)) * 1.25 * math.sqrt(2.0 / 5.0)
+    values = noisy(share * least / math.sqrt(periods) + 0.01)
+    motion = Motion().run(1.0)
+    for k in range(periods):
+        motion = (holding(motion) if k else motion).see([(v, 0.3, None) for v in values])
+    assert motion.run(1.02).judge() is (Response.CONFIRMED if is_confirmed else Response.OPEN)
+
+
+def test_a_feature_error_counts_only_if_every_report_of_every_period_has_it():
+    falling = errors(distance=(1.0, 1.05), feature=(0.3, 0.2))
+    lacking = [(1.0, 0.3, None)] * 10
+    for reports in ((falling, lacking), (lacking, falling)):
+        motion = holding(Motion().run(1.5).see(reports[0])).see(reports[1]).run(1.02)
+        assert motion.judge() is Response.OPEN
+
+
+def test_what_an_earlier_period_has_shown_confirms_only_after_the_least_time():
+    motion = holding(Motion().run(5.9).see(errors(distance=(1.0, 0.9)), score=3.0)).run(0.98)
+    assert motion.judge() is Response.OPEN  # and has not failed, although 6 s are over
+    assert motion.run(0.04).judge() is Response.CONFIRMED
+
+
+def test_a_mounting_known_from_an_earlier_period_counts():
+    motion = holding(Motion().run(1.5).see(score=4.0).see(score=5.0)).run(1.02)
+    assert motion.judge() is Response.CONFIRMED
+
+
+def test_motion_counts_over_all_periods_and_that_in_a_hold_does_not():
+    motion = holding(Motion().run(0.42, BOTH), turn_rad=1.0).run(0.42, BOTH)
+    assert motion.check.followed_m == pytest.approx(0.08)
+    assert motion.check.followed_rad == pytest.approx(0.16)
+    assert motion.check.asked_m == pytest.approx((0.08, 0.0, 0.0))
+
+
 # --- motion ---------------------------------------------------------------------------------
 
 
@@ -420,11 +518,69 @@ def test_a_vehicle_that_does_not_follow_aborts_after_six_seconds(follows):
     assert TIMING.response_limit_ns <= gate.now_ns - start_ns <= TIMING.response_limit_ns + TICK_NS
 
 
-def test_a_hold_starts_the_check_anew():
+def test_after_a_hold_the_least_time_begins_anew():
     gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.8)
     gate.send([gate.report(healthy=False)])
     gate.until(GateState.SERVO).forget().run(0.98)
     assert max(speeds(gate)) <= 0.1 + 1e-12
+
+
+def with_holds(gate, servo_s, seconds):
+    """Fly on, with an unhealthy report after each ``servo_s`` in SERVO; returns the time in it."""
+    end_ns, flown_ns, period_ns = gate.now_ns + round(seconds * S), 0, 0
+    while gate.state in (GateState.SERVO, GateState.HOLD) and gate.now_ns < end_ns:
+        if gate.state is GateState.SERVO:
+            flown_ns, period_ns = flown_ns + TICK_NS, period_ns + TICK_NS
+        if period_ns >= round(servo_s * S):
+            period_ns = 0
+            gate.tick(gate.report(healthy=False, reason="too little"))
+        else:
+            gate.tick()
+    return flown_ns / S
+
+
+@pytest.mark.parametrize("servo_s", [0.5, 0.98, 2.5, 4.5, 5.5])
+def test_holds_do_not_put_off_the_end_of_a_flight_whose_error_does_not_fall(servo_s):
+    gate = Rehearsal(auto_config(), error_m=2.0, fall_m_s=-0.1).until(GateState.SERVO)
+    flown_s = with_holds(gate, servo_s, 60.0)
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.ERROR_NOT_FALLING)
+    assert flown_s == pytest.approx(6.0, abs=0.3)
+
+
+@pytest.mark.parametrize("servo_s", [0.5, 0.98, 2.0])
+def test_an_error_that_falls_in_servo_and_rises_in_holds_ends_no_flight(servo_s):
+    """A vehicle drifts while zeros are sent."""
+    gate = Rehearsal(auto_config(), error_m=5.0, fall_m_s=0.1).until(GateState.SERVO)
+    for _ in range(8):
+        with_holds(gate, servo_s, 0.01 + servo_s)
+        gate.error_m += 0.5
+        gate.until(GateState.SERVO, 2.5)
+    gate.run(1.5)
+    assert gate.state is GateState.SERVO
+    assert speeds(gate)[-1] > 0.3  # confirmed
+
+
+def test_a_commanded_hold_does_not_put_it_off_either():
+    gate = Rehearsal(auto_config(), error_m=2.0, fall_m_s=-0.1).until(GateState.SERVO).run(4.0)
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    gate.run(20.0)
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.SERVO).until(GateState.ABORT, 2.2)
+    assert gate.last.cause is Cause.ERROR_NOT_FALLING
+
+
+def test_another_goal_and_another_engagement_begin_with_a_check_of_their_own():
+    gate = Rehearsal(auto_config(), error_m=2.0, fall_m_s=-0.1).until(GateState.SERVO).run(4.0)
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.SERVO)
+    assert with_holds(gate, 99.0, 9.0) == pytest.approx(6.0, abs=0.1)
+    assert gate.last.cause is Cause.ERROR_NOT_FALLING
+    gate.run(2.0)
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.SERVO)
+    assert with_holds(gate, 99.0, 9.0) == pytest.approx(6.0, abs=0.1)
 
 
 def test_once_confirmed_a_hold_does_not_ask_for_it_again():

@@ -177,6 +177,42 @@ def test_hold_over_three_seconds_aborts():
     assert gate.last.reason == "held too long: last good frame too old: 260 ms"
 
 
+def held_for_a_refused_frame(overlap):
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.send([gate.report(healthy=False, reason="no agreement")])
+    gate.changes = {"overlap": overlap}
+    return gate
+
+
+def test_held_too_long_names_an_overlap_that_is_too_small_and_no_fault_that_has_passed():
+    gate = held_for_a_refused_frame(0.08).until(GateState.ABORT, 3.2)
+    assert gate.last.reason == "held too long: overlap 8%, 9% needed"
+
+
+def test_held_too_long_names_the_present_fault_before_the_overlap():
+    gate = held_for_a_refused_frame(0.08).run(2.0)
+    gate.sees = False
+    gate.until(GateState.ABORT, 1.2)
+    assert gate.last.reason == "held too long: last good frame too old: 260 ms"
+
+
+def test_held_too_long_names_the_last_fault_where_data_are_good_for_less_than_a_second():
+    gate = held_for_a_refused_frame(0.8).run(0.9)
+    for _ in range(2):
+        gate.send([gate.report(healthy=False, reason="too little")])
+        gate.run(0.9)
+    gate.send([gate.report(healthy=False, reason="too little")])
+    gate.until(GateState.ABORT, 1.0)
+    assert gate.last.reason == "held too long: perception unhealthy: too little"
+
+
+def test_once_confirmed_no_overlap_keeps_a_hold():
+    gate = Rehearsal().until(GateState.SERVO).run(2.0)
+    gate.send([gate.report(healthy=False, reason="no agreement")])
+    gate.changes = {"overlap": 0.01}
+    gate.until(GateState.SERVO, 1.2)
+
+
 def test_the_goal_within_tolerance_for_a_second_is_done():
     gate = flying()
     gate.changes = {"reached": True}

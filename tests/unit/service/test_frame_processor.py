@@ -5,6 +5,7 @@ import pytest
 from still_pipeline import StillMatcher, pipeline
 
 from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_service.frames import RawSample
@@ -65,6 +66,23 @@ def test_a_vehicle_that_stays_at_the_goal_has_reached_it_after_the_stop_rule_s_s
         reached.append(rig.eye.process(sample).report.reached)
     assert not any(reached[:18])  # 50 ms a frame: by then the window of 1 s is not full
     assert reached[-1]
+
+
+@pytest.mark.parametrize(("between", "is_lost"), [("SERVO", True), ("HOLD", True), ("DONE", False)])
+def test_a_hold_does_not_begin_the_time_in_which_the_error_must_fall_anew(rng, between, is_lost):
+    shift = np.zeros((120, 160, 2), np.float32)
+    shift[..., 0] = 40.0
+    rig, lost = Rig(rng), []
+    rig.matcher.flow = FlowField(shift, np.ones((120, 160), np.float32))
+    for k in range(160):
+        image = rig.picture.copy()
+        image[0, 0] = k  # else it is a frozen camera's
+        sample = rig.sample(image=image)
+        rig.hear_vehicle(between if 60 <= k < 80 else "SERVO")
+        report = rig.eye.process(sample).report
+        lost.append(report.lost)
+    assert any(lost) is is_lost
+    assert not any(lost[:100])
 
 
 def test_nothing_is_relocalised_after_a_report(rig):

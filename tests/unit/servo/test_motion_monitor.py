@@ -24,7 +24,7 @@ AHEAD = np.array([1.0, 0.0, 0.0, 0.0])
 FRAME_NS = 100_000_000
 
 
-def frame(k, odometry_error_m_s=0.0, is_engaged=True):
+def frame(k, odometry_error_m_s=0.0, is_engaged=True, is_paused=False):
     """The k-th frame of a vehicle that stands 1 m before the goal and is told to fly there."""
     T = Mount().T_body_camera()
     T_goal = T.copy()
@@ -35,7 +35,7 @@ def frame(k, odometry_error_m_s=0.0, is_engaged=True):
     seen = PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0)
     estimate = replace(begin(seen, FilterModel(scale_spread=0.0)), error_m_s=odometry_error_m_s)
     return FrameMotion(
-        k * FRAME_NS, points, points.weight, estimate, AHEAD, 0.3 * AHEAD, is_engaged
+        k * FRAME_NS, points, points.weight, estimate, AHEAD, 0.3 * AHEAD, is_engaged, is_paused
     )
 
 
@@ -57,6 +57,13 @@ def test_no_progress_is_asked_for_against_an_odometry_error_as_large_as_the_spee
 
 def test_no_progress_is_asked_for_while_the_vehicle_does_not_follow():
     assert not watched(frame(k, is_engaged=False) for k in range(40))[0].is_stuck
+
+
+def test_a_hold_does_not_begin_the_time_without_progress_anew():
+    flown = [frame(k) for k in range(15)]
+    held = [frame(k, is_engaged=False, is_paused=True) for k in range(15, 30)]
+    assert not watched(flown + held)[0].is_stuck
+    assert watched(flown + held + [frame(k) for k in range(30, 40)])[0].is_stuck
 
 
 def test_the_mean_error_is_told_in_metres():

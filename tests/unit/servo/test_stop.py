@@ -29,6 +29,24 @@ def after(offsets, turns=None, engaged=True, feature_error=None):
     return state
 
 
+def with_holds(score, seconds, servo_s, hold_s=1.0, feature=lambda t, servo: 0.5):
+    """Time at which a flight with a HOLD after every ``servo_s`` is stuck; None if it never is.
+
+    ``score`` and ``feature`` are of the time and of that in SERVO.
+    """
+    state, in_servo_s = StopState(), 0.0
+    for k in range(round(seconds * 1e9 / FRAME_NS)):
+        t_s = k * FRAME_NS * 1e-9
+        engaged = t_s % (servo_s + hold_s) < servo_s
+        in_servo_s += FRAME_NS * 1e-9 if engaged else 0.0
+        offset = np.array([score(t_s, in_servo_s), 0.0, 0.0])
+        sample = ErrorSample(k * FRAME_NS, offset, NONE, feature(t_s, in_servo_s))
+        state = update_stop(state, sample, engaged, paused=not engaged)
+        if is_stuck(state, progress_s=5.0):
+            return in_servo_s
+    return None
+
+
 def swinging(mean, deviation, seconds, period_s=1.0):
     t = np.arange(0.0, seconds, FRAME_NS * 1e-9)
     return mean + np.sqrt(2.0) * deviation * np.sin(2.0 * np.pi * t / period_s)
@@ -129,6 +147,53 @@ def test_near_the_goal_no_progress_is_asked_for():
 def test_fluctuations_as_large_as_the_error_are_no_lack_of_progress():
     assert not is_stuck(after(swinging(6.0, 4.0, 10.0)), progress_s=5.0)
     assert is_stuck(after(swinging(6.0, 0.5, 10.0)), progress_s=5.0)
+
+
+@pytest.mark.parametrize("servo_s", [0.5, 2.0, 4.5, 60.0])
+@pytest.mark.parametrize("away", [0.0, 5.0])
+def test_a_hold_does_not_put_off_that_a_vehicle_is_stuck(servo_s, away):
+    stuck_s = with_holds(lambda t, servo: 40.0 + away * servo, 60.0, servo_s)
+    # Frames on both sides of a HOLD, 50 ms, count for it.
+    assert 5.0 < stuck_s < 5.0 * (1.0 + 0.05 / servo_s) + 0.2
+
+
+def test_errors_that_fall_in_servo_and_rise_in_holds_are_progress():
+    """By a fifth of what a HOLD adds in each period in SERVO."""
+    assert with_holds(lambda t, servo: 20.0 + 10.0 * (t - servo) - servo, 120.0, 2.0) is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_a_hold_changes_of_an_error_is_no_progress(sign):
+    stuck_s = with_holds(lambda t, servo: 100.0 - sign * 10.0 * (t - servo), 60.0, 2.0)
+    assert stuck_s == pytest.approx(5.0, abs=0.3)
+
+
+def test_progress_before_a_hold_counts_after_it():
+    """A twentieth takes four of these periods."""
+    assert with_holds(lambda t, servo: 20.0 * 0.985**servo, 60.0, 1.0) is None
+
+
+@pytest.mark.parametrize("wrong", [0.01, 5.0, 400.0])
+def test_one_wrong_error_before_a_hold_is_not_held_against_the_flight(wrong):
+    def score(t_s, in_servo_s):
+        return wrong if 1.9 < t_s % 3.0 < 1.96 else 40.0 * 0.97**in_servo_s
+
+    assert with_holds(score, 60.0, 2.0) is None
+
+
+def test_an_error_of_zero_before_a_hold_is_not_divided_by():
+    state = StopState()
+    for k, (offset, engaged) in enumerate([(0.0, True), (8.0, False), (8.0, True)]):
+        sample = ErrorSample(k * FRAME_NS, np.array([offset, 0.0, 0.0]), NONE, offset)
+        state = update_stop(state, sample, engaged, paused=not engaged)
+    assert (state.progress.score, state.progress.feature_error) == (8.0, 8.0)
+
+
+def test_a_fall_of_the_feature_error_counts_over_holds_as_well():
+    def rising_in_holds(t_s, in_servo_s):
+        return 0.5 * 0.985**in_servo_s * 1.1 ** (t_s - in_servo_s)
+
+    assert with_holds(lambda t, servo: 40.0, 30.0, 1.0, feature=rising_in_holds) is None
 
 
 def test_progress_is_asked_for_only_while_engaged():

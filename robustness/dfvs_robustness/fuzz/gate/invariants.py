@@ -191,6 +191,8 @@ class InvariantChecker:
         _demand(oracle.is_offboard, "I5", "Hold asked for outside OFFBOARD")
         known_ns = self.config.timing.heartbeat_age_ns
         _demand(oracle.mode_age_ns(now_ns) <= known_ns, "I5", "Hold asked for by an old mode")
+        silent_ns = oracle.silent_for_ns(now_ns)
+        _demand(silent_ns <= self.config.timing.telemetry_age_ns, "I5", "Hold asked for blindly")
         _demand(not self._hold_asked, "I8", "Hold asked for twice")
         self._hold_asked = True
         self._awaits_hold = state is GateState.DONE

@@ -187,6 +187,10 @@ class Oracle:
         """Time since the last heartbeat."""
         return now_ns - self._heartbeat_ns
 
+    def silent_for_ns(self, now_ns: int) -> int:
+        """Time since the last attitude or position, whichever came later."""
+        return now_ns - max(self._attitude_ns, self._position_ns)
+
     def objection(self, now_ns: int) -> str | None:
         """Say why the vehicle must not be moved now, None where it may."""
         config, timing = self._config, self._config.timing
