@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
-from dfvs_common.progress import StatusLine
+from dfvs_common.progress import StatusLine, log
 from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
@@ -72,6 +72,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         arguments.files, Trial(settings, arguments.bundle), lambda n: progress.show(f"{n} frames")
     )
     progress.clear()
+    for line in result.warnings:
+        log(f"warning: {line}")
     comparison = compare(result.frames)
     text = text_report(comparison, result.reasons)
     print(text)

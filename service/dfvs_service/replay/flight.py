@@ -29,13 +29,14 @@ class Trial:
 class Replay:
     """Frames run again, and why they may differ; without a reason every bit must be the same.
 
-    Times of ``states`` are in s from ``start_ns``.
+    Times of ``states`` are in s from ``start_ns``. ``warnings`` name files that were left out.
     """
 
     frames: tuple[Rerun, ...]
     reasons: tuple[str, ...]
     states: tuple[StateChange, ...] = ()
     start_ns: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 class FlightReplay:
@@ -105,8 +106,9 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
     """
     flight = FlightReplay(trial)
     frames: list[Rerun] = []
+    warnings: list[str] = []
     states = StateLog(0)
-    for entry in read_recording(paths):
+    for entry in read_recording(paths, warnings.append):
         payload = b"" if entry.payload is None else entry.payload
         if isinstance(entry.message, SessionHeader):
             if not states.start_ns:
@@ -119,4 +121,10 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
         if rerun is not None:
             frames.append(rerun)
             show(len(frames))
-    return Replay(tuple(frames), tuple(flight.reasons), tuple(states.changes), states.start_ns)
+    return Replay(
+        tuple(frames),
+        tuple(flight.reasons),
+        tuple(states.changes),
+        states.start_ns,
+        tuple(warnings),
+    )

@@ -1,6 +1,6 @@
 """Reader of session headers and frame records from a recording's files."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message
 
+from dfvs_common.progress import log
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
@@ -33,28 +34,52 @@ class Entry:
         return self.payload is not None or not needs
 
 
-def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
-    """Entries of a recording's files in order; a repeated session header comes once.
+def read_recording(paths: Sequence[Path], warn: Callable[[str], None] = log) -> Iterator[Entry]:
+    """Entries of a recording's files in order; what is repeated comes once.
+
+    Every file begins with a session header, and a repaired copy repeats the frame records of its
+    original.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of the recording, in any order.
+    warn : callable
+        Takes a line about each file whose frame records are repeated.
 
     Raises
     ------
     RecordingError
         If a file cannot be read, or is no recording of a flight.
     """
-    opened_ns: int | None = None
-    for path in sorted(paths):
+    newest: dict[int, int] = {}  # number of the newest frame record of each session header
+    for path in in_order(paths):
+        repeated = 0
         for entry in _entries(path):
-            if isinstance(entry.message, SessionHeader):
-                if entry.message.opened_ns == opened_ns:
+            message = entry.message
+            if isinstance(message, SessionHeader):
+                if message.opened_ns in newest:
                     continue
-                opened_ns = entry.message.opened_ns
-            elif opened_ns is None:
+                newest[message.opened_ns] = -1
+            elif not newest:
                 raise RecordingError(
                     f"{path} holds frame records without a session header", "a whole recording"
                 )
+            elif message.number <= newest.get(message.opening, -1):
+                repeated += 1
+                continue
+            else:
+                newest[message.opening] = message.number
             yield entry
-    if opened_ns is None:
+        if repeated:
+            warn(f"{path.name}: {repeated} frame records that other files hold are left out")
+    if not newest:
         raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+
+
+def in_order(paths: Sequence[Path]) -> list[Path]:
+    """Files of a recording in the order of their names, a repaired copy after its original."""
+    return sorted(paths, key=lambda path: path.with_suffix(""))
 
 
 def _entries(path: Path) -> Iterator[Entry]:

@@ -15,7 +15,7 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.frame_record_image import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
-from dfvs_service.replay.recording import StateLog, read_recording
+from dfvs_service.replay.recording import StateLog, in_order, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
 
@@ -35,7 +35,7 @@ class RecordedFlight:
     video_rate_hz = 10
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = sorted(paths)
+        self._paths = in_order(paths)
         self.note = ""
 
     @property
@@ -52,7 +52,7 @@ class RecordedFlight:
             If the files cannot be read, or hold no flight.
         """
         reader = _Reader()
-        for entry in read_recording(self._paths):
+        for entry in read_recording(self._paths, reader.warn):
             if isinstance(entry.message, SessionHeader):
                 reader.open(entry.message, entry.payload or b"")
             else:
@@ -69,7 +69,7 @@ class RecordedFlight:
         """
         replay: FlightReplay | None = FlightReplay(Trial())
         start_ns: int | None = None
-        for entry in read_recording(self._paths):
+        for entry in read_recording(self._paths, lambda _: None):  # ``read`` passes it on
             message, payload = entry.message, entry.payload or b""
             if isinstance(message, SessionHeader):
                 start_ns = message.opened_ns if start_ns is None else start_ns
@@ -113,6 +113,9 @@ class _Reader:
             self._states = StateLog(header.opened_ns)
         self._headers.append(header)
         self._goals.append((self._s(header.opened_ns), decode_image(image)))
+
+    def warn(self, text: str) -> None:
+        self._warnings[f"warning: {text}"] = None
 
     def add(self, record: FrameRecord) -> None:
         self._end_ns = record.t_ns
