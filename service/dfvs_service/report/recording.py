@@ -104,6 +104,7 @@ class _Reader:
         self._builder = SeriesBuilder(0)
         self._states = StateLog()
         self._warnings: dict[str, None] = {}
+        self._is_reached = False
         self._end_s = 0.0
 
     def open(self, header: SessionHeader, image: bytes, run: Run) -> None:
@@ -126,6 +127,7 @@ class _Reader:
 
     def _on_status(self, status: GateStatus) -> None:
         self._states.add(status, self._runs[-1])
+        self._is_reached = status.reached
         self._warnings |= dict.fromkeys(f"warning: {text}" for text in status.warnings)
         if status.t_ns:
             self._builder.add_setpoint(status.t_ns, status.setpoint)
@@ -144,8 +146,8 @@ class _Reader:
             started=_utc(self._runs[0]),
             duration_s=max(self._end_s, 0.0),
             status="ended",
-            exit_code=0 if _is_reached(states) else None,
-            verdict=_verdict(states),
+            exit_code=0 if self._is_reached else None,
+            verdict=_verdict(states, self._is_reached),
             states=states,
             told=(*_several(self._runs), *self._warnings),
             version=first.build.get("dfvs", ""),
@@ -174,13 +176,9 @@ def _several(runs: Sequence[Run]) -> tuple[str, ...]:
     return (f"the recording holds {len(runs)} runs of the service, which begin at {begins}",)
 
 
-def _is_reached(states: Sequence[StateChange]) -> bool:
-    return any(change.state == "DONE" for change in states) and states[-1].state != "ABORT"
-
-
-def _verdict(states: Sequence[StateChange]) -> str:
-    """One sentence on how the flight went."""
-    if _is_reached(states):
+def _verdict(states: Sequence[StateChange], is_reached: bool) -> str:
+    """One sentence on how the flight went; ``is_reached`` is the gate's last status about it."""
+    if is_reached:
         return "the goal was reached"
     if not states:
         return "the gate was not heard"

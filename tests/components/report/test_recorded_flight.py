@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,29 @@ def test_the_goal_is_the_one_of_the_time(source, flight):
     assert (read.goal_at(change_s - 0.01) == first).all()
     assert (read.goal_at(change_s) == second).all()
     assert not (first == second).all()
+
+
+@pytest.mark.parametrize(
+    ("state", "is_reached", "verdict"),
+    [
+        ("HOLD", False, "the recording ends in HOLD: tested"),
+        ("ABORT", True, "the goal was reached"),
+    ],
+)
+def test_the_verdict_is_that_of_the_last_status(state, is_reached, verdict, tmp_path):
+    """A goal was reached; what follows is about another one, or about the same."""
+    told = [("SERVO", False), ("DONE", True), (state, is_reached)]
+    opening, *records = fly(np.random.default_rng(7), len(told)).events
+    events = [(heard(m, *says), data) for (m, data), says in zip(records, told, strict=True)]
+    summary = RecordedFlight([write_recording(tmp_path, [opening, *events])]).read().summary
+    assert summary.verdict == verdict
+    assert summary.exit_code == (0 if is_reached else None)
+
+
+def heard(record, state, is_reached):
+    """Frame record whose statuses say that."""
+    statuses = [replace(status, state=state, reached=is_reached) for status in record.heard]
+    return replace(record, heard=tuple(statuses))
 
 
 def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
