@@ -45,7 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")
     add("--bundle", default="", metavar="NAME", help="another model: 'classical' or a folder")
-    add("--config", type=Path, metavar="FILE", help="settings whose [servo] and [flow] to try")
+    add("--config", type=Path, metavar="FILE", help="settings to try: [servo], [flow], [depth]")
     add("--json", type=Path, metavar="FILE", help="write the comparison there, frame by frame")
     add("--html", type=Path, metavar="FILE", help="write a report with curves there")
     return parser
