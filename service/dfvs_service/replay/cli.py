@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import StatusLine, log
@@ -60,7 +61,7 @@ def _replay(arguments: argparse.Namespace) -> int:
             raise ConfigError(f"cannot write {path}", "an existing folder")
     # ONNX Runtime, MCAP and protobuf take their time to load.
     from dfvs_service.replay.comparison import compare
-    from dfvs_service.replay.documents import as_document, write_whole
+    from dfvs_service.replay.documents import as_document
     from dfvs_service.replay.flight import Trial, replay
     from dfvs_service.replay.html_report import html_report
     from dfvs_service.replay.text_report import text_report
@@ -79,10 +80,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     print(text)
     if arguments.json is not None:
         document = as_document(comparison, result.reasons)
-        write_whole(arguments.json, json.dumps(document, indent=1, allow_nan=False) + "\n")
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        replace_file(arguments.json, text.encode())
     if arguments.html is not None:
         page = html_report(comparison, result, arguments.files[0].name)
-        write_whole(arguments.html, page)
+        replace_file(arguments.html, page.encode())
     must_match = not result.reasons and result.frames
     return EXIT_FAILED if must_match and not comparison.is_identical else EXIT_OK
 
