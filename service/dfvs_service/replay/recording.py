@@ -135,7 +135,7 @@ def _run(header: SessionHeader, from_ns: int) -> Run:
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
     """Files of a recording in the order of their names, a repaired copy after its original."""
-    return sorted(paths, key=lambda path: path.with_suffix(""))
+    return sorted(paths, key=lambda path: (path.parent, path.stem))
 
 
 def _entries(path: Path) -> Iterator[Entry]:

@@ -255,6 +255,7 @@ def test_another_model_is_tried_on_the_same_frames(recording):
     ("words", "message"),
     [
         (["nowhere.mcap"], "cannot read nowhere.mcap"),
+        (["."], "cannot read ."),
         (["RECORDING", "--bundle", "nowhere"], "there is no model 'nowhere'"),
         (["RECORDING", "--config", "nowhere.toml"], "nowhere.toml"),
         (["RECORDING", "--json", "/nowhere/r.json"], "cannot write /nowhere/r.json"),
