@@ -1,6 +1,6 @@
 """Servoing to a goal image, frame by frame."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -129,7 +129,8 @@ class Servo:
         ImageError
             If the frame is not (H, W, 3) uint8 or not of its camera's size.
         ConfigError
-            If the frame is not newer than the last, or only some of the frames have odometry.
+            If the frame is not newer than the last, only some of the frames have odometry, or it is
+            not finite. Such a frame leaves no trace: the next one may follow.
         """
         self._task.camera.check_size(image, "the frame")
         last = self._last
@@ -139,6 +140,8 @@ class Servo:
             )
         if last is not None and last.has_odometry != (odometry is not None):
             raise ConfigError("only some of the frames have odometry", "all of them, or none")
+        if odometry is not None:
+            _check_finite(odometry)
         motion = odometry
         if motion is None:
             motion = _AT_REST if last is None else self._dead_reckoned(last, t_capture_ns)
@@ -159,3 +162,11 @@ class Servo:
         T_world_body = last.motion.T_world_body() @ moved @ invert_pose(T_body_camera)
         velocity_m_s = T_world_body[:3, :3] @ last.velocity[:3]
         return Motion.from_pose(T_world_body, velocity_m_s, float(last.velocity[3]))
+
+
+def _check_finite(motion: Motion) -> None:
+    """Refuse odometry with a number that is none."""
+    for field in fields(motion):
+        value = getattr(motion, field.name)
+        if not np.isfinite(value).all():
+            raise ConfigError(f"{field.name} of the odometry is {value}", "finite numbers")

@@ -28,10 +28,11 @@ class SessionHeader:
 
     ``opened_ns`` is the time of its start, and identifies the header. ``clock`` is the identity
     (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them gives Unix time. ``build``
-    maps software to versions, ``model`` the matcher's files to their SHA-256. ``settings`` are the
-    service's resolved ones, ``sidecar`` the goal's; the goal image (PNG) travels beside the
-    header. ``observed_ns`` is the capture time of the earlier frame whose preview tracking began
-    with, None where it began with a relocalisation.
+    maps software to versions, ``model`` the files of matcher and depth network to their SHA-256,
+    those of the latter by ``depth/`` and their name. ``settings`` are the service's
+    resolved ones, ``sidecar`` the goal's; the goal image (PNG) travels beside the header.
+    ``observed_ns`` is the capture time of the earlier frame whose preview tracking began with,
+    None where it began with a relocalisation.
     """
 
     vehicle: str

@@ -8,6 +8,7 @@ import numpy as np
 from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import BoolArray, Float32Array
 from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.warping import flow_at_size
 
 LEVELS = ("small", "medium", "large")
 """Levels of motion: to 0.15 m and 6 degrees; 0.5 m and 15 degrees; 1.2 m and 30 degrees."""
@@ -65,6 +66,22 @@ class LevelScore:
     confident_ratio: float
     confident_failed: float
     confident_failures: int
+
+
+class FlowScores:
+    """Scores of flows by level of motion."""
+
+    def __init__(self) -> None:
+        self._pairs: dict[str, list[PairScore]] = {}
+
+    def add(self, flow: FlowField, truth: Float32Array, visible: BoolArray, level: int) -> None:
+        """Score a flow of any size by :func:`score_pair`; ``level`` is an index into LEVELS."""
+        score = score_pair(flow_at_size(flow, visible.shape), truth, visible)
+        self._pairs.setdefault(LEVELS[level], []).append(score)
+
+    def means(self) -> dict[str, LevelScore]:
+        """Means of each level that has a pair."""
+        return {name: summarise(self._pairs[name]) for name in LEVELS if name in self._pairs}
 
 
 def score_pair(field: FlowField, truth: Float32Array, visible: BoolArray) -> PairScore:

@@ -10,10 +10,9 @@ import numpy as np
 
 from dfvs_bench.options import add_pairs_options, check_pairs_options
 from dfvs_core.matching.matcher import Matcher, track_or_match
-from dfvs_core.matching.warping import flow_at_size
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
+from dfvs_models.evaluation import FlowScores, LevelScore
 from dfvs_models.evaluation_file import FlowPairs, labelled, read_flow_pairs
 from dfvs_sim.options import write_json
 
@@ -112,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) -> None:
     """Match every pair, every third also with a guess, and add what came of it to a result."""
-    scores: dict[str, list[PairScore]] = {}
+    scores = FlowScores()
     for k in range(-min(_WARM_UP, len(pairs.level)), len(pairs.level)):
         started = time.perf_counter()
         current = matcher.encode(pairs.current[k])
@@ -126,10 +125,8 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
             matched = time.perf_counter()
             track_or_match(matcher, current, other, flow)
             result.warm_ms.append(1e3 * (time.perf_counter() - matched))
-        found = flow_at_size(flow, pairs.visible[k].shape)
-        level = LEVELS[int(pairs.level[k])]
-        scores.setdefault(level, []).append(score_pair(found, pairs.flow[k], pairs.visible[k]))
-    result.files[label] = {level: summarise(scores[level]) for level in LEVELS if level in scores}
+        scores.add(flow, pairs.flow[k], pairs.visible[k], int(pairs.level[k]))
+    result.files[label] = scores.means()
 
 
 def _progress(text: str) -> None:

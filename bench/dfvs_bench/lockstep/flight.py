@@ -59,13 +59,12 @@ class LockstepSetup:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One frame: time since the release to servo, true error, velocity NED and pose, and result."""
+    """One frame: time since the release to servo, true error and pose, and result."""
 
     t_s: float
     state: str
     error_m: float
     error_rad: float
-    velocity_m_s: FloatArray
     T_scene_camera: FloatArray
     result: ServoResult | None
 
@@ -212,7 +211,6 @@ class LockstepFlight:
                 str(self._gate.state),
                 error_m,
                 error_rad,
-                self._vehicle.true_velocity_m_s,
                 T,
                 result,
             )

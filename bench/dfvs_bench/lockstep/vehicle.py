@@ -77,11 +77,6 @@ class HoveringVehicle:
         v = self._px4.flight.vehicle
         return make_pose(rotation_from_euler(*v.attitude_rad), np.array(v.position_m))
 
-    @property
-    def true_velocity_m_s(self) -> FloatArray:
-        """True velocity (3,), NED."""
-        return np.array(self._px4.flight.vehicle.velocity_m_s)
-
     def request(self, mode: ModeRequest) -> None:
         """Change the mode as the gate asks for."""
         wanted = Mode.OFFBOARD if mode is ModeRequest.OFFBOARD else Mode.HOLD

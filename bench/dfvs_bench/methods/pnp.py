@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, track_or_match
@@ -24,6 +25,7 @@ IntArray: TypeAlias = NDArray[np.intp]
 ITERATIONS = 200
 _GAIN = 0.1
 STRIDE_PX = 8
+GRID = slice(STRIDE_PX // 2, None, STRIDE_PX)
 LEAST_CONFIDENCE = 0.3
 LEAST_POINTS = 8
 """Correspondences that a pose must stand on."""
@@ -74,18 +76,38 @@ class PnpMethod:
     def _goal_pose(self, flow: FlowField, observation: Observation) -> FloatArray | None:
         """Goal camera in the current one (4, 4), or None."""
         flow = flow_at_size(flow, (self._camera.height, self._camera.width))
-        samples = sample_grid(flow, STRIDE_PX)
-        offset = STRIDE_PX // 2
-        grid = (slice(offset, None, STRIDE_PX), slice(offset, None, STRIDE_PX))
-        depth = DepthMap(observation.depth.z_m[grid], observation.depth.validity[grid])
-        points = points_from_flow(samples, depth, self._camera, self._camera)
-        valid = depth.validity.ravel() > 0
-        points = points.select(valid & (points.weight > LEAST_CONFIDENCE))
-        rays = np.column_stack([points.xy, np.ones(len(points.xy))])
-        found = perspective_pose(
-            rays * points.z_m[:, None], points.xy_goal, REPROJECTION_PX / self._camera.fx
-        )
+        P, xy_goal = confident_points(flow, observation.depth, self._camera)
+        found = perspective_pose(P, xy_goal, REPROJECTION_PX / self._camera.fx)
         return None if found is None else found[0]
+
+
+def confident_points(
+    flow: FlowField, depth: DepthMap, camera: CameraModel
+) -> tuple[FloatArray, FloatArray]:
+    """Points of the current view whose flow is confident and whose depth is valid.
+
+    Parameters
+    ----------
+    flow : FlowField
+        (H, W), from the current view to the goal.
+    depth : DepthMap
+        (H, W), of the current view.
+    camera : CameraModel
+        Of both views, at that size.
+
+    Returns
+    -------
+    P : (N, 3)
+        Points in the current optical frame, m, on a grid of ``STRIDE_PX``.
+    xy_goal : (N, 2)
+        Normalised coordinates in the goal image.
+    """
+    grid = (GRID, GRID)
+    depth = DepthMap(depth.z_m[grid], depth.validity[grid])
+    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
+    points = points.select((depth.validity.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
+    rays = np.column_stack([points.xy, np.ones(len(points.xy))])
+    return rays * points.z_m[:, None], points.xy_goal
 
 
 def perspective_pose(

@@ -3,13 +3,12 @@
 import cv2
 import numpy as np
 
-from dfvs_bench.methods.pnp import LEAST_CONFIDENCE, REPROJECTION_PX, STRIDE_PX, perspective_pose
+from dfvs_bench.methods.pnp import GRID, REPROJECTION_PX, confident_points, perspective_pose
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.points import points_from_flow, sample_grid
 
 _WIDTH_PX = 320.0
 """Width of the image at which a reprojection within ``REPROJECTION_PX`` agrees."""
@@ -36,16 +35,12 @@ def pose_with_depth(
     height, width = flow.confidence.shape
     camera = camera.scaled(width, height)
     depth_m = np.asarray(cv2.resize(depth_m, (width, height), interpolation=cv2.INTER_NEAREST))
-    offset = STRIDE_PX // 2
-    grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
-    depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))
-    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
-    confident = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
-    if len(confident.xy) < config.min_overlap * grid.size:
+    depth = DepthMap(np.maximum(depth_m, np.float32(1e-3)), (depth_m > 0).astype(np.float32))
+    P, xy_goal = confident_points(flow, depth, camera)
+    if len(P) < config.min_overlap * depth_m[GRID, GRID].size:
         return None
-    P = np.column_stack([confident.xy, np.ones(len(confident.xy))]) * confident.z_m[:, None]
     tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
-    pose = perspective_pose(P, confident.xy_goal, tolerance)
+    pose = perspective_pose(P, xy_goal, tolerance)
     if pose is None or len(pose[1]) < config.min_inliers * len(P):
         return None
     return pose[0]

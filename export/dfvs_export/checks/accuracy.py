@@ -6,8 +6,7 @@ import numpy as np
 
 from dfvs_core.errors import ModelError
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.matching.warping import flow_at_size
-from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
+from dfvs_models.evaluation import FlowScores, LevelScore
 from dfvs_models.evaluation_file import FlowPairs
 
 MOST_ERROR_RATIO = 1.15
@@ -25,12 +24,11 @@ def error_ratios(
 
 def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
     """Score a network on pairs with exact flow, by level of motion."""
-    found: dict[str, list[PairScore]] = {}
+    scores = FlowScores()
     for first, second, flow, visible, level in pairs:
-        found_flow = matcher.match(matcher.encode(first), matcher.encode(second))
-        field = flow_at_size(found_flow, (first.shape[0], first.shape[1]))
-        found.setdefault(LEVELS[int(level)], []).append(score_pair(field, flow, visible))
-    return {name: summarise(found[name]) for name in LEVELS if name in found}
+        found = matcher.match(matcher.encode(first), matcher.encode(second))
+        scores.add(found, flow, visible, int(level))
+    return scores.means()
 
 
 def accuracy_figures(scores: dict[str, LevelScore]) -> dict[str, float]:

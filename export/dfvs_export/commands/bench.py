@@ -3,8 +3,8 @@
 import argparse
 import json
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_common.progress import log
-from dfvs_core.errors import ModelError
 from dfvs_export.checks.timing import BenchPlan, bench
 from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
@@ -26,8 +26,6 @@ def run_bench(arguments: argparse.Namespace) -> int:
             f"  {r.resident_mb:7.1f} MB"
         )
     if arguments.json:
-        try:
-            arguments.json.write_text(json.dumps([r.as_json() for r in results], indent=2) + "\n")
-        except OSError as error:
-            raise ModelError(f"cannot write {arguments.json} ({error.strerror})") from error
+        text = json.dumps([r.as_json() for r in results], indent=2) + "\n"
+        replace_file(arguments.json, text.encode())
     return 0

@@ -48,7 +48,7 @@ def run_depth(arguments: argparse.Namespace) -> int:
     measured = {label: measure_depth(network, path) for label, path in paths.items()}
     card = model.card(bundle.manifest, measured)
     write_bundle(arguments.out, described(bundle, card, _figures(measured)))
-    if arguments.model != OWN and arguments.checkpoint is None and arguments.folder is None:
+    if arguments.model != OWN and _weights(arguments).is_random:
         print("warning: these weights are random; name --checkpoint or --from to use the network")
     print(f"wrote {arguments.out}")
     return 0
@@ -62,8 +62,11 @@ def named_depth_model(arguments: argparse.Namespace) -> DepthModel:
     ConfigError, ModelError
         If it or its weights cannot be used.
     """
-    weights = DepthWeights(arguments.checkpoint, arguments.folder, arguments.sha256)
-    return DepthModel.load(arguments.model, weights)
+    return DepthModel.load(arguments.model, _weights(arguments))
+
+
+def _weights(arguments: argparse.Namespace) -> DepthWeights:
+    return DepthWeights(arguments.checkpoint, arguments.folder, arguments.sha256)
 
 
 def _figures(measured: Mapping[str, MeasuredDepth]) -> dict[str, float]:

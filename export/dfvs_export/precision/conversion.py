@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal, get_args
+from typing import Literal
 
 from dfvs_export.bundles.manifest import hashes
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
@@ -14,7 +14,6 @@ from dfvs_export.precision.int8 import to_int8
 from dfvs_models.bundle import Bundle
 
 Precision = Literal["fp32", "fp16", "int8"]
-PRECISIONS: tuple[str, ...] = get_args(Precision)
 
 
 def in_precision(bundle: Bundle, precision: Precision, frames: Sequence[ImagePair]) -> Bundle:

@@ -20,18 +20,18 @@ from dfvs_core.messages.manifest import sha256
 from dfvs_export.weights.checkpoint import fill
 
 _SAFETENSORS = ".safetensors"
+_SEED = 0
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignWeights:
     """Where weights come from: a file, or a name that ptlflow knows; and the hash to expect.
 
-    With neither, weights are drawn from ``seed``: good for trying the path, not for flying.
+    With neither, weights are random, of a fixed seed: good for trying the path, not for flying.
     """
 
     source: str | None = None
     sha256: str | None = None
-    seed: int = 0
 
 
 def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
@@ -45,7 +45,7 @@ def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
         If the weights are not what was announced, or hold more than tensors.
     """
     ptlflow = _ptlflow()
-    torch.manual_seed(weights.seed)
+    torch.manual_seed(_SEED)
     try:
         reference = ptlflow.get_model_reference(name)
     except ValueError as error:

@@ -3,7 +3,6 @@
 import argparse
 import dataclasses
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -19,8 +18,6 @@ from dfvs_service.camera.sources.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
-
-Log = Callable[[str], None]
 
 
 def log(text: str) -> None:

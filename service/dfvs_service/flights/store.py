@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from dfvs_common.file_size import file_bytes
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.record_sections import BlackBoxSection
 from dfvs_service.settings.state_folder import state_folder
@@ -187,14 +188,8 @@ def is_running(folder: Path) -> bool:
 
 def folder_bytes(folder: Path) -> int:
     """Size of all files in a folder and below; those that vanish meanwhile do not count."""
-    return sum(_size(Path(where) / name) for where, _, names in os.walk(folder) for name in names)
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
+    walk = os.walk(folder)
+    return sum(file_bytes(Path(where) / name) for where, _, names in walk for name in names)
 
 
 def _order(name: str) -> tuple[str, int, str]:

@@ -41,7 +41,6 @@ _AUTO_MODES = {
 }
 _MODE_NUMBERS = {ModeRequest.OFFBOARD: (6, 0), ModeRequest.HOLD: (_AUTO, 3)}
 
-_HEALTHY_STATUS = (3, 4)
 _FAILSAFE_STATUS = (5, 6, 8)
 
 _SENSORS = {

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_common.file_size import file_bytes
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.mcap_file import McapFile
@@ -92,7 +93,7 @@ class Recorder:
     def size_bytes(self) -> int:
         """Size of the recording's files."""
         current = 0 if self._file is None else self._file.size_bytes
-        return current + sum(map(_size, self._written))
+        return current + sum(map(file_bytes, self._written))
 
     def open(self, header: SessionHeader, image: bytes) -> None:
         """Take the session header that holds for the frame records to come."""
@@ -193,7 +194,7 @@ class Recorder:
     def _make_room(self) -> None:
         """Remove this recording's oldest files while it would grow beyond its limit."""
         while self._written and (
-            sum(map(_size, self._written)) + self._limits.file_bytes > self._limits.total_bytes
+            sum(map(file_bytes, self._written)) + self._limits.file_bytes > self._limits.total_bytes
         ):
             with contextlib.suppress(OSError):
                 self._written.pop(0).unlink()
@@ -204,13 +205,6 @@ class Recorder:
             return shutil.disk_usage(self._folder).free >= self._limits.free_bytes
         except OSError:
             return False
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
 
 
 def _notes(header: SessionHeader) -> dict[str, dict[str, str]]:

@@ -6,9 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
-from dfvs_common.progress import StatusLine
+from dfvs_common.progress import StatusLine, log
 from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
@@ -45,7 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")
     add("--bundle", default="", metavar="NAME", help="another model: 'classical' or a folder")
-    add("--config", type=Path, metavar="FILE", help="settings whose [servo] and [flow] to try")
+    add("--config", type=Path, metavar="FILE", help="settings to try: [servo], [flow], [depth]")
     add("--json", type=Path, metavar="FILE", help="write the comparison there, frame by frame")
     add("--html", type=Path, metavar="FILE", help="write a report with curves there")
     return parser
@@ -60,7 +61,7 @@ def _replay(arguments: argparse.Namespace) -> int:
             raise ConfigError(f"cannot write {path}", "an existing folder")
     # ONNX Runtime, MCAP and protobuf take their time to load.
     from dfvs_service.replay.comparison import compare
-    from dfvs_service.replay.documents import as_document, write_whole
+    from dfvs_service.replay.documents import as_document
     from dfvs_service.replay.flight import Trial, replay
     from dfvs_service.replay.html_report import html_report
     from dfvs_service.replay.text_report import text_report
@@ -72,15 +73,18 @@ def _replay(arguments: argparse.Namespace) -> int:
         arguments.files, Trial(settings, arguments.bundle), lambda n: progress.show(f"{n} frames")
     )
     progress.clear()
+    for line in result.warnings:
+        log(f"warning: {line}")
     comparison = compare(result.frames)
     text = text_report(comparison, result.reasons)
     print(text)
     if arguments.json is not None:
         document = as_document(comparison, result.reasons)
-        write_whole(arguments.json, json.dumps(document, indent=1, allow_nan=False) + "\n")
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        replace_file(arguments.json, text.encode())
     if arguments.html is not None:
         page = html_report(comparison, result, arguments.files[0].name)
-        write_whole(arguments.html, page)
+        replace_file(arguments.html, page.encode())
     must_match = not result.reasons and result.frames
     return EXIT_FAILED if must_match and not comparison.is_identical else EXIT_OK
 

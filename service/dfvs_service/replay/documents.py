@@ -1,11 +1,8 @@
-"""Comparison as JSON, and atomic output files."""
+"""Comparison as JSON."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from dfvs_common.atomic_file import write_atomic
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.schema import dump
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 
@@ -35,17 +32,3 @@ def _frame(frame: FrameDifference) -> dict[str, Any]:
             "error_rad": report.error_rad,
         }
     return document
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file whole or not at all.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be written.
-    """
-    try:
-        write_atomic(path, text.encode())
-    except OSError as error:
-        raise ConfigError(f"cannot write {path} ({error.strerror})") from error

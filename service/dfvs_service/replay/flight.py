@@ -29,13 +29,15 @@ class Trial:
 class Replay:
     """Frames run again, and why they may differ; without a reason every bit must be the same.
 
-    Times of ``states`` are in s from ``start_ns``.
+    ``times_s`` holds the time of each frame; it and the times of ``states`` are in s from the start
+    of the recording. ``warnings`` name files that were left out.
     """
 
     frames: tuple[Rerun, ...]
     reasons: tuple[str, ...]
+    times_s: tuple[float, ...] = ()
     states: tuple[StateChange, ...] = ()
-    start_ns: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 class FlightReplay:
@@ -105,18 +107,25 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
     """
     flight = FlightReplay(trial)
     frames: list[Rerun] = []
-    states = StateLog(0)
-    for entry in read_recording(paths):
+    times_s: list[float] = []
+    warnings: list[str] = []
+    states = StateLog()
+    for entry in read_recording(paths, warnings.append):
         payload = b"" if entry.payload is None else entry.payload
         if isinstance(entry.message, SessionHeader):
-            if not states.start_ns:
-                states = StateLog(entry.message.opened_ns)
             flight.open(entry.message, payload)
             continue
         for status in entry.message.heard:
-            states.add(status)
+            states.add(status, entry.run)
         rerun = flight.record(entry.message, payload)
         if rerun is not None:
             frames.append(rerun)
+            times_s.append(entry.run.seconds(entry.message.t_ns))
             show(len(frames))
-    return Replay(tuple(frames), tuple(flight.reasons), tuple(states.changes), states.start_ns)
+    return Replay(
+        tuple(frames),
+        tuple(flight.reasons),
+        tuple(times_s),
+        tuple(states.changes),
+        tuple(warnings),
+    )

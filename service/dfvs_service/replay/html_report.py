@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 
-from dfvs_core.gate.config import S
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.page.charts import Curve, Plot, Samples, TimeLine
 from dfvs_service.page.page import Page, Table, render
@@ -17,7 +16,7 @@ _Value = Callable[[FrameDifference], float | None]
 def html_report(comparison: Comparison, replay: Replay, title: str) -> str:
     """Page about a comparison of a flight with its replay."""
     frames = comparison.frames
-    end_s = max(((f.t_ns - replay.start_ns) / S for f in frames), default=0.0)
+    end_s = max(replay.times_s, default=0.0)
     reasons = tuple((reason,) for reason in replay.reasons)
     times = tuple(
         (name.replace("_", ", "), f"{value.p50_ms:.1f}", f"{value.p99_ms:.1f}")
@@ -31,7 +30,7 @@ def html_report(comparison: Comparison, replay: Replay, title: str) -> str:
             tone=_tone(comparison, replay),
             facts=(),
             figures=_figures(comparison),
-            charts=_charts(frames, replay.start_ns),
+            charts=_charts(frames, replay.times_s),
             line=TimeLine(0.0, max(end_s, 1.0), replay.states),
             tables=(
                 Table("Other than in flight", ("reason to differ",), reasons, (), "Nothing."),
@@ -57,9 +56,11 @@ def _figures(comparison: Comparison) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _charts(frames: Sequence[FrameDifference], start_ns: int) -> tuple[tuple[str, Plot], ...]:
+def _charts(
+    frames: Sequence[FrameDifference], times_s: Sequence[float]
+) -> tuple[tuple[str, Plot], ...]:
     def curve(style: str, name: str, value: _Value) -> Curve:
-        return Curve(style, name, _samples(frames, value, start_ns))
+        return Curve(style, name, _samples(frames, value, times_s))
 
     def both(of: Callable[[PerceptionReport], float]) -> tuple[Curve, ...]:
         """Curves of a quantity in flight and in replay, where it would have been flown by."""
@@ -83,7 +84,7 @@ def _charts(frames: Sequence[FrameDifference], start_ns: int) -> tuple[tuple[str
     )
 
 
-def _samples(frames: Sequence[FrameDifference], value: _Value, start_ns: int) -> Samples:
+def _samples(frames: Sequence[FrameDifference], value: _Value, times_s: Sequence[float]) -> Samples:
     """Curve of a value, interrupted where it is not known."""
-    values = [(frame.t_ns, value(frame)) for frame in frames]
-    return [((t_ns - start_ns) / S, math.nan if v is None else v) for t_ns, v in values]
+    values = zip(times_s, map(value, frames), strict=True)
+    return [(t_s, math.nan if v is None else v) for t_s, v in values]

@@ -23,21 +23,27 @@ def reasons_to_differ(
     header : SessionHeader
         Of the flight.
     config, model, build
-        Of the replay: settings, the matcher's files with their SHA-256, versions.
+        Of the replay: settings, files of the networks with their SHA-256, versions.
     """
     reasons = [
         f"{name} is {_short(build.get(name))}, was {_short(header.build.get(name))}"
         for name in sorted({*build, *header.build})
         if build.get(name) != header.build.get(name)
     ]
-    if dict(model) != header.model:
-        reasons.append("the model's files are others")
+    for name, is_depth in (("model", False), ("depth network", True)):
+        if _files(model, is_depth) != _files(header.model, is_depth):
+            reasons.append(f"the {name}'s files are others")
     now, then = (
         _relevant(dump(config)),
         _relevant(with_present_names(ServiceConfig, header.settings)),
     )
     reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
     return tuple(reasons)
+
+
+def _files(model: Mapping[str, str], is_depth: bool) -> dict[str, str]:
+    """Files of the depth network, or of the matcher."""
+    return {k: v for k, v in model.items() if k.startswith("depth/") == is_depth}
 
 
 def _short(version: str | None) -> str:

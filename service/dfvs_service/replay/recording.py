@@ -1,6 +1,6 @@
 """Reader of session headers and frame records from a recording's files."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message
 
+from dfvs_common.progress import log
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
@@ -18,13 +19,43 @@ from dfvs_service.flights.records import StateChange
 from dfvs_service.record.messages import channels
 from dfvs_service.record.reading import RecordingError, open_records
 
+_BETWEEN_RUNS_NS = 1 * S
+"""A run is shown so long after the one before, however long the time between them was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of the service in a recording, which holds several after a restart or a reboot.
+
+    ``opened_ns`` is its begin on its own monotonic ``clock``, ``unix_ns`` that in Unix time. In
+    times of the recording it begins at ``from_ns``, shortly after the end of the run before.
+    """
+
+    opened_ns: int = 0
+    unix_ns: int = 0
+    clock: str = ""
+    from_ns: int = 0
+
+    @property
+    def start_ns(self) -> int:
+        """Time 0 of the recording on the clock of this run."""
+        return self.opened_ns - self.from_ns
+
+    def seconds(self, t_ns: int) -> float:
+        """Time of the recording, s, at a time of this run's clock."""
+        return (t_ns - self.start_ns) / S
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Session header or frame record, and its bytes: a goal's PNG, or a sample's payload."""
+    """Session header or frame record, its bytes, and its run of the service.
+
+    The bytes are a goal's PNG, or a sample's payload.
+    """
 
     message: SessionHeader | FrameRecord
     payload: bytes | None = None
+    run: Run = Run()
 
     @property
     def is_whole(self) -> bool:
@@ -33,28 +64,78 @@ class Entry:
         return self.payload is not None or not needs
 
 
-def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
-    """Entries of a recording's files in order; a repeated session header comes once.
+def read_recording(paths: Sequence[Path], warn: Callable[[str], None] = log) -> Iterator[Entry]:
+    """Entries of a recording's files in order; what is repeated comes once.
+
+    Every file begins with a session header, and a repaired copy repeats the frame records of its
+    original.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of the recording, in any order.
+    warn : callable
+        Takes a line about each file whose frame records are repeated.
 
     Raises
     ------
     RecordingError
         If a file cannot be read, or is no recording of a flight.
     """
-    opened_ns: int | None = None
-    for path in sorted(paths):
+    yield from _in_runs(_once(paths, warn))
+
+
+def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]:
+    """Entries of the files without what is repeated."""
+    newest: dict[int, int] = {}  # number of the newest frame record of each session header
+    for path in in_order(paths):
+        repeated = 0
         for entry in _entries(path):
-            if isinstance(entry.message, SessionHeader):
-                if entry.message.opened_ns == opened_ns:
+            message = entry.message
+            if isinstance(message, SessionHeader):
+                if message.opened_ns in newest:
                     continue
-                opened_ns = entry.message.opened_ns
-            elif opened_ns is None:
+                newest[message.opened_ns] = -1
+            elif not newest:
                 raise RecordingError(
                     f"{path} holds frame records without a session header", "a whole recording"
                 )
+            elif message.number <= newest.get(message.opening, -1):
+                repeated += 1
+                continue
+            else:
+                newest[message.opening] = message.number
             yield entry
-    if opened_ns is None:
+        if repeated:
+            warn(f"{path.name}: {repeated} frame records that other files hold are left out")
+    if not newest:
         raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+
+
+def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
+    """Entries with the run that each belongs to."""
+    run: Run | None = None
+    end_ns: int | None = None
+    for entry in entries:
+        message = entry.message
+        if isinstance(message, FrameRecord):
+            end_ns = message.t_ns
+        elif run is None:
+            run = _run(message, 0)
+        elif message.clock != run.clock or (message.first_turn == 0 and end_ns is not None):
+            ended_ns = run.opened_ns if end_ns is None else end_ns
+            run, end_ns = _run(message, ended_ns - run.start_ns + _BETWEEN_RUNS_NS), None
+        yield entry if run is None else replace(entry, run=run)
+
+
+def _run(header: SessionHeader, from_ns: int) -> Run:
+    unix_ns = header.opened_ns + header.unix_offset_ns
+    return Run(header.opened_ns, unix_ns, header.clock, from_ns)
+
+
+def in_order(paths: Sequence[Path]) -> list[Path]:
+    """Files of a recording in the order of their names, a repaired copy after its original."""
+    return sorted(paths, key=lambda path: (path.parent, path.stem))
 
 
 def _entries(path: Path) -> Iterator[Entry]:
@@ -111,20 +192,13 @@ def _payload(topic: str, data: bytes) -> bytes | None:
 
 
 class StateLog:
-    """Changes of the gate's state, from its statuses.
+    """Changes of the gate's state, from its statuses."""
 
-    Parameters
-    ----------
-    start_ns : int
-        Time 0 of the changes.
-    """
-
-    def __init__(self, start_ns: int) -> None:
-        self.start_ns = start_ns
+    def __init__(self) -> None:
         self.changes: list[StateChange] = []
 
-    def add(self, status: GateStatus) -> None:
-        """Take the gate's next word."""
+    def add(self, status: GateStatus, run: Run) -> None:
+        """Take the gate's next status, of a run; a state is entered in the run at the earliest."""
         if not self.changes or status.state != self.changes[-1].state:
-            t_s = max(status.since_ns - self.start_ns, 0) / S
+            t_s = run.seconds(max(status.since_ns, run.opened_ns))
             self.changes.append(StateChange(t_s, status.state, status.cause, ""))

@@ -15,7 +15,7 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.frame_record_image import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
-from dfvs_service.replay.recording import StateLog, read_recording
+from dfvs_service.replay.recording import Run, StateLog, in_order, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
 
@@ -35,7 +35,7 @@ class RecordedFlight:
     video_rate_hz = 10
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = sorted(paths)
+        self._paths = in_order(paths)
         self.note = ""
 
     @property
@@ -52,9 +52,9 @@ class RecordedFlight:
             If the files cannot be read, or hold no flight.
         """
         reader = _Reader()
-        for entry in read_recording(self._paths):
+        for entry in read_recording(self._paths, reader.warn):
             if isinstance(entry.message, SessionHeader):
-                reader.open(entry.message, entry.payload or b"")
+                reader.open(entry.message, entry.payload or b"", entry.run)
             else:
                 reader.add(entry.message)
         return reader.flight(self.name, self._paths)
@@ -68,18 +68,16 @@ class RecordedFlight:
             As ``read`` does.
         """
         replay: FlightReplay | None = FlightReplay(Trial())
-        start_ns: int | None = None
-        for entry in read_recording(self._paths):
+        for entry in read_recording(self._paths, lambda _: None):  # ``read`` passes it on
             message, payload = entry.message, entry.payload or b""
             if isinstance(message, SessionHeader):
-                start_ns = message.opened_ns if start_ns is None else start_ns
                 replay = self._opened(replay, message, payload)
                 continue
             image = record_image(message, payload)
             if replay is not None:
                 replay.record(message, payload)
-            if image is not None and start_ns is not None:
-                yield _view((message.t_ns - start_ns) / S, image, replay)
+            if image is not None:
+                yield _view(entry.run.seconds(message.t_ns), image, replay)
 
     def _opened(
         self, replay: FlightReplay | None, header: SessionHeader, image: bytes
@@ -101,21 +99,26 @@ class _Reader:
 
     def __init__(self) -> None:
         self._headers: list[SessionHeader] = []
+        self._runs: list[Run] = []
         self._goals: list[tuple[float, ImageArray]] = []
         self._builder = SeriesBuilder(0)
-        self._states = StateLog(0)
+        self._states = StateLog()
         self._warnings: dict[str, None] = {}
-        self._end_ns = 0
+        self._is_reached = False
+        self._end_s = 0.0
 
-    def open(self, header: SessionHeader, image: bytes) -> None:
-        if not self._headers:
-            self._builder = SeriesBuilder(header.opened_ns)
-            self._states = StateLog(header.opened_ns)
+    def open(self, header: SessionHeader, image: bytes, run: Run) -> None:
+        if run not in self._runs:
+            self._builder.set_start(run.start_ns)
+            self._runs.append(run)
         self._headers.append(header)
-        self._goals.append((self._s(header.opened_ns), decode_image(image)))
+        self._goals.append((run.seconds(header.opened_ns), decode_image(image)))
+
+    def warn(self, text: str) -> None:
+        self._warnings[f"warning: {text}"] = None
 
     def add(self, record: FrameRecord) -> None:
-        self._end_ns = record.t_ns
+        self._end_s = self._runs[-1].seconds(record.t_ns)
         for status in record.heard:
             self._on_status(status)
         self._builder.add_report(record.t_ns, record.report)
@@ -123,7 +126,8 @@ class _Reader:
             self._builder.add_servo(record.servo)
 
     def _on_status(self, status: GateStatus) -> None:
-        self._states.add(status)
+        self._states.add(status, self._runs[-1])
+        self._is_reached = status.reached
         self._warnings |= dict.fromkeys(f"warning: {text}" for text in status.warnings)
         if status.t_ns:
             self._builder.add_setpoint(status.t_ns, status.setpoint)
@@ -135,18 +139,17 @@ class _Reader:
     def flight(self, name: str, paths: Sequence[Path]) -> Flight:
         first, last = self._headers[0], self._headers[-1]
         states = tuple(self._states.changes)
-        started_s = (first.opened_ns + first.unix_offset_ns) / S
         summary = FlightSummary(
             name=name,
             folder=str(paths[0].parent),
             vehicle=first.vehicle,
-            started=datetime.fromtimestamp(started_s, UTC).isoformat(timespec="seconds"),
-            duration_s=max(self._s(self._end_ns), 0.0),
+            started=_utc(self._runs[0]),
+            duration_s=max(self._end_s, 0.0),
             status="ended",
-            exit_code=0 if _is_reached(states) else None,
-            verdict=_verdict(states),
+            exit_code=0 if self._is_reached else None,
+            verdict=_verdict(states, self._is_reached),
             states=states,
-            told=tuple(self._warnings),
+            told=(*_several(self._runs), *self._warnings),
             version=first.build.get("dfvs", ""),
             size_bytes=sum(path.stat().st_size for path in paths),
         )
@@ -160,17 +163,22 @@ class _Reader:
             goals=tuple(self._goals),
         )
 
-    def _s(self, t_ns: int) -> float:
-        return (t_ns - self._headers[0].opened_ns) / S
+
+def _utc(run: Run) -> str:
+    return datetime.fromtimestamp(run.unix_ns / S, UTC).isoformat(timespec="seconds")
 
 
-def _is_reached(states: Sequence[StateChange]) -> bool:
-    return any(change.state == "DONE" for change in states) and states[-1].state != "ABORT"
+def _several(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Line about a recording of several runs, whose times do not hold the time between them."""
+    if len(runs) < 2:
+        return ()
+    begins = ", ".join(f"{run.from_ns / S:.1f} s ({_utc(run)})" for run in runs)
+    return (f"the recording holds {len(runs)} runs of the service, which begin at {begins}",)
 
 
-def _verdict(states: Sequence[StateChange]) -> str:
-    """One sentence on how the flight went."""
-    if _is_reached(states):
+def _verdict(states: Sequence[StateChange], is_reached: bool) -> str:
+    """One sentence on how the flight went; ``is_reached`` is the gate's last status about it."""
+    if is_reached:
         return "the goal was reached"
     if not states:
         return "the gate was not heard"

@@ -92,6 +92,10 @@ class SeriesBuilder:
         self._yaws: deque[tuple[float, float]] = deque()
         self._origin: Vector | None = None
 
+    def set_start(self, start_ns: int) -> None:
+        """Go on with another clock, on which time 0 of the curves is ``start_ns``."""
+        self._start_ns = start_ns
+
     def add_setpoint(self, t_ns: int, velocity: tuple[float, float, float, float]) -> None:
         """Add a commanded velocity: forward, right, down, m/s; yaw rate, rad/s."""
         for curve, value in zip(self.series.commanded, velocity, strict=True):

@@ -22,11 +22,14 @@ from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.image import decode_image
 from dfvs_core.perception.flow_grid import FlowGrid
+from dfvs_service.record.cli import main as record_main
 from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.record.recovery import recover
+from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
+from dfvs_service.report.recording import RecordedFlight
 
 S = 1_000_000_000
 ROOMY = RecordLimits(10**9, 10**10, 0)
@@ -71,8 +74,9 @@ def messages(path, topic):
         return [message.data for _, _, message in make_reader(file).iter_messages([topic])]
 
 
-def told(paths):
-    return [(entry.message, entry.payload) for entry in read_recording(paths)]
+def told(paths, warnings=None):
+    warn = print if warnings is None else warnings.append
+    return [(entry.message, entry.payload) for entry in read_recording(paths, warn)]
 
 
 def payloads(events):
@@ -262,6 +266,21 @@ def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
     assert told([mended]) == told([cut])
     with pytest.raises(RecordingError, match="exists"):
         recover(cut, mended)
+
+
+def test_a_repaired_copy_beside_its_original_is_left_out_and_named(tmp_path):
+    flight = fly(np.random.default_rng(7), 8, next_goal_at=5)
+    desk = Desk(tmp_path).take(flight.events)
+    desk.recorder.close()
+    (original,) = desk.files
+    assert record_main(["recover", str(original)]) == 0
+    assert len(desk.files) == 2
+    assert told(desk.files, warnings := []) == told([original])
+    assert warnings == ["r-000-recovered.mcap: 8 frame records that other files hold are left out"]
+    assert replay(desk.files, Trial(), lambda _: None).warnings == tuple(warnings)
+    source = RecordedFlight(desk.files)
+    assert source.name == "r"
+    assert source.read().summary.told == (f"warning: {warnings[0]}",)
 
 
 def test_two_recordings_of_one_second_get_names_of_their_own(tmp_path):

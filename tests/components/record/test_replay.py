@@ -125,7 +125,7 @@ def test_another_depth_network_is_named_as_the_reason_to_differ(wall_depth, tmp_
     other = depth_bundle.bundle(np.full((60, 80), 0.2))
     onnx_network.write_bundle(wall_depth, other)
     result = rerun(write_recording(tmp_path, flight.events))
-    assert result.reasons == ("the model's files are others",)
+    assert result.reasons == ("the depth network's files are others",)
     assert not compare(result.frames).is_identical
 
 
@@ -255,6 +255,7 @@ def test_another_model_is_tried_on_the_same_frames(recording):
     ("words", "message"),
     [
         (["nowhere.mcap"], "cannot read nowhere.mcap"),
+        (["."], "cannot read ."),
         (["RECORDING", "--bundle", "nowhere"], "there is no model 'nowhere'"),
         (["RECORDING", "--config", "nowhere.toml"], "nowhere.toml"),
         (["RECORDING", "--json", "/nowhere/r.json"], "cannot write /nowhere/r.json"),

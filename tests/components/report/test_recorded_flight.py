@@ -2,12 +2,14 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from recorded_flight import fly, write_recording
 
 from dfvs_core.messages.frame import PixelFormat
+from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.report.recording import RecordedFlight
 
 
@@ -54,6 +56,29 @@ def test_the_goal_is_the_one_of_the_time(source, flight):
     assert not (first == second).all()
 
 
+@pytest.mark.parametrize(
+    ("state", "is_reached", "verdict"),
+    [
+        ("HOLD", False, "the recording ends in HOLD: tested"),
+        ("ABORT", True, "the goal was reached"),
+    ],
+)
+def test_the_verdict_is_that_of_the_last_status(state, is_reached, verdict, tmp_path):
+    """A goal was reached; what follows is about another one, or about the same."""
+    told = [("SERVO", False), ("DONE", True), (state, is_reached)]
+    opening, *records = fly(np.random.default_rng(7), len(told)).events
+    events = [(heard(m, *says), data) for (m, data), says in zip(records, told, strict=True)]
+    summary = RecordedFlight([write_recording(tmp_path, [opening, *events])]).read().summary
+    assert summary.verdict == verdict
+    assert summary.exit_code == (0 if is_reached else None)
+
+
+def heard(record, state, is_reached):
+    """Frame record whose statuses say that."""
+    statuses = [replace(status, state=state, reached=is_reached) for status in record.heard]
+    return replace(record, heard=tuple(statuses))
+
+
 def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
     whole = fly(np.random.default_rng(7), 8, PixelFormat.RGB8)
     data = write_recording(tmp_path, whole.events).read_bytes()
@@ -62,3 +87,28 @@ def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
     part = RecordedFlight([cut]).read()
     assert 2 <= len(part.series.error_m) < len(whole.turns)
     assert part.summary.verdict == "the recording ends in SERVO: tested"
+
+
+def test_two_runs_of_the_service_follow_each_other_and_are_named(flight, tmp_path):
+    """After a reboot monotonic time begins anew."""
+    second = fly(np.random.default_rng(8), 8)
+    assert second.opening.opened_ns < flight.turns[-1].t_ns
+    path = write_recording(tmp_path, [*flight.events, *second.events])
+    source = RecordedFlight([path])
+    read = source.read()
+    times = [t for t, v in read.series.error_m]
+    assert times == sorted(times)
+    assert read.series.path == sorted(read.series.path)
+    ended_s = (flight.turns[-1].t_ns - flight.opening.opened_ns) * 1e-9
+    began_s = read.goals[-1][0]
+    assert began_s == pytest.approx(ended_s + 1.0)
+    lasted_s = (second.turns[-1].t_ns - second.opening.opened_ns) * 1e-9
+    assert read.summary.duration_s == pytest.approx(began_s + lasted_s)
+    (several,) = read.summary.told
+    assert several.startswith("the recording holds 2 runs of the service, which begin at 0.0 s (")
+    views = [view.t_s for view in source.views()]
+    assert views == sorted(views)
+    assert sum(t_s > began_s for t_s in views) == 6
+    replayed = replay([path], Trial(), lambda _: None)
+    assert list(replayed.times_s) == sorted(replayed.times_s)
+    assert replayed.times_s[-1] > began_s

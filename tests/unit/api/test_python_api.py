@@ -1,5 +1,6 @@
 """``import dfvs``: what it offers, its examples, and what it refuses."""
 
+import dataclasses
 import doctest
 import math
 import subprocess
@@ -123,6 +124,19 @@ def test_frames_out_of_order_and_odometry_now_and_then_are_refused(matcher, wall
         servo.step(wall.picture(), PERIOD_NS)
     with pytest.raises(ConfigError, match="odometry"):
         servo.step(wall.picture(), 2 * PERIOD_NS, dfvs.Motion.at_rest(0.0, 0.0))
+
+
+@pytest.mark.parametrize("mount", [None, dfvs.Mount()], ids=["free camera", "level vehicle"])
+@pytest.mark.parametrize("wrong", ["displacement_m", "velocity_m_s", "yaw_rad"])
+def test_odometry_that_is_not_finite_is_refused_and_not_remembered(matcher, wall, mount, wrong):
+    servo = dfvs.Servo(matcher, wall.picture(), CAMERA, mount)
+    rest = dfvs.Motion.at_rest(0.0, 0.0)
+    broken = dataclasses.replace(rest, **{wrong: math.nan * getattr(rest, wrong)})
+    view = wall.picture(turned(shift=(20.0, 0.0)))
+    servo.step(view, 0, rest)
+    with pytest.raises(ConfigError, match=wrong):
+        servo.step(view, PERIOD_NS, broken)
+    assert servo.step(view, PERIOD_NS, rest).status is dfvs.Status.OK
 
 
 @pytest.mark.parametrize("depth", ["given", "network"])

@@ -9,7 +9,7 @@ from dfvs_bench.lockstep.record import simulated_flight, summarise
 
 
 def test_a_flight_that_never_engaged_ends_in_the_state_in_which_it_waited():
-    waiting = Sample(0.0, "PREFLIGHT", 1.0, 0.2, np.zeros(3), np.eye(4), None)
+    waiting = Sample(0.0, "PREFLIGHT", 1.0, 0.2, np.eye(4), None)
     flight = SimpleNamespace(T_scene_goal=np.eye(4))
     never = simulated_flight(3, flight, LockstepLog([waiting, waiting]))
     assert (never.seed, never.end_state, never.end_cause, never.end_s) == (3, "PREFLIGHT", "", None)

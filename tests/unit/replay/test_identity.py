@@ -32,6 +32,15 @@ def test_where_a_model_lies_does_not_matter_but_what_it_holds_does():
     )
 
 
+def test_the_depth_network_is_told_apart_from_the_matcher():
+    with_depth = MODEL | {"depth/mono.onnx": "dd" * 32}
+    reason = ("the depth network's files are others",)
+    assert reasons_to_differ(OPENING, CONFIG, with_depth, BUILD) == reason
+    flown = dataclasses.replace(OPENING, model=MODEL | {"depth/mono.onnx": "ee" * 32})
+    assert reasons_to_differ(flown, CONFIG, with_depth, BUILD) == reason
+    assert len(reasons_to_differ(flown, CONFIG, {"flow.onnx": "cc" * 32}, BUILD)) == 2
+
+
 def test_the_same_files_used_in_another_way_are_another_matcher():
     assert reasons_to_differ(OPENING, other(model="hybrid:models/flow"), MODEL, BUILD)
 
