@@ -1,7 +1,7 @@
 """Processor of raw samples and gate statuses, without sockets or threads."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame
@@ -84,6 +84,7 @@ class FrameProcessor:
         if motion is None:
             reason = "the vehicle's attitude at capture is not known"
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
+        frame = replace(frame, t_arrival_ns=sample.t_arrival_ns)
         t_decoded = self._tick()
         frame_result = self._pipeline.process_frame(frame, motion, self._servoing)
         stages = {
