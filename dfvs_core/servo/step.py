@@ -236,10 +236,10 @@ def _probed(
     velocity: FloatArray,
     estimate: GoalEstimate,
 ) -> FloatArray:
-    """Velocity (d,) of the law, or one to the side while the mounting is undecided."""
+    """Velocity (d,) of the law, or one to the side while the mounting is undecided; limited."""
     if not inputs.engaged or estimate.distance_m <= _PROBED * task.config.tolerance_m:
         return velocity
-    return probing_velocity(score, inputs.t_capture_ns, velocity)
+    return saturate(probing_velocity(score, inputs.t_capture_ns, velocity), task.limits)
 
 
 def _caution(task: ServoTask, overlap: float, residual_px: float) -> float:
