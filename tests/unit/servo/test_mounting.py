@@ -8,6 +8,7 @@ from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
 from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.checks.image_turn import PointTracks, image_turn, point_tracks
+from dfvs_core.servo.checks.motion_monitor import MotionMeasures
 from dfvs_core.servo.checks.mounting import (
     MOST_SCORE,
     MountingState,
@@ -300,11 +301,14 @@ def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
 ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
 
 
-def flown(task, t_ns, score=0.0):
+UNDECIDED = MotionMeasures(0.0, 0.0, 0.0, False, 0.0, 0.0, False, False)
+
+
+def flown(task, t_ns):
     """Velocity (4,) that is asked of an engaged vehicle 1 m before the goal."""
     flow, attitude = empty_flow((15, 20)), Attitude(0.0, 0.0, 0.0)
     inputs = ServoInputs(t_ns, t_ns, flow, np.zeros(4), attitude, engaged=True)
-    return _probed(task, inputs, score, LAW, ESTIMATE)
+    return _probed(task, inputs, UNDECIDED, LAW, ESTIMATE)
 
 
 @pytest.mark.parametrize(("limit_m_s", "aside_m_s"), [(0.1, 0.1), (0.5, 0.3)])
