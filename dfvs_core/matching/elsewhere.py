@@ -47,9 +47,14 @@ class SiftImage:
             self._features = SiftPoints(self._config).encode(self.image)
         return self._features
 
+    @property
+    def has_features(self) -> bool:
+        """Whether the keypoints were found."""
+        return self._features is not None
+
     def prepare(self) -> bool:
         """Find the keypoints; whether that was still to be done."""
-        was_done = self._features is not None
+        was_done = self.has_features
         return not was_done and self.features is not None
 
 

@@ -92,11 +92,15 @@ class FrameHeader:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A decoded frame: image (H, W, 3) uint8 RGB, its capture time and sequence number."""
+    """A decoded frame: image (H, W, 3) uint8 RGB, its capture time and sequence number.
+
+    ``t_arrival_ns`` is the time at which it was received, None where it did not travel.
+    """
 
     image: ImageArray
     t_capture_ns: int
     seq: int
+    t_arrival_ns: int | None = None
 
 
 def encode_frame(

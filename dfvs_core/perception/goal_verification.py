@@ -131,6 +131,11 @@ class GoalVerifier:
         self._forget()
         return _refused(servo, Status.FALSE_GOAL)
 
+    @property
+    def is_comparing(self) -> bool:
+        """Whether a step of :meth:`compare` was done, and one is still to be done."""
+        return self._view is not None and self._view[0].has_features
+
     def compare(self) -> bool:
         """A step of looking for another match; whether there was one to do."""
         if self._view is None:

@@ -51,12 +51,8 @@ DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 PATIENCE_NS = 600_000_000
 """So long what is done between frames waits for them to be on time again."""
-LATE_NS = 100_000_000
-"""Age of a frame at its servo step above which it is late, however slow the camera is.
-
-What is done between frames takes as long as a frame: the next report would be too late for the
-gate.
-"""
+LATE_NS = 200_000_000
+"""Age from which on a report is too late for the gate."""
 
 _NO_FLOW = empty_flow((0, 0))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
@@ -99,7 +95,7 @@ class Pipeline:
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
-        self._period_ns = self._depth_ns = self._worked_ns = 0
+        self._period_ns = self._processing_ns = self._depth_ns = self._worked_ns = 0
         self._depth_m = task.config.constant_depth_m
         self._state = ServoState()
         self.set_goal(task, self.prepare(goal))
@@ -217,6 +213,8 @@ class Pipeline:
         result = self._verifier.verify(servo, image, flow, t_ns)
         marks.append(self._tick())
 
+        t_arrival_ns = t_ns if frame.t_arrival_ns is None else frame.t_arrival_ns
+        self._processing_ns = inputs.now_ns - t_arrival_ns
         self._remember(inputs, features, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
@@ -224,19 +222,19 @@ class Pipeline:
     def work_between_frames(self) -> int:
         """Do what may wait until the last frame's report is on its way; time taken, ns.
 
-        First what goal verification has to compare, and what was begun. Else depth is learnt: a
-        few times a second, where the camera has moved far enough, the frame is compared with a
-        keyframe. Else more of the goal is looked for. All is put off while frames are late.
+        First what goal verification has to compare. Else, once a second, more of the goal is looked
+        for. Else depth is learnt: a few times a second, where the camera has moved far enough, the
+        frame is compared with a keyframe. All is put off while frames are late, but for the second
+        step of what was begun: it would be of no use later.
         """
         start_ns, last = self._tick(), self._last
-        if last is None or self._is_pressed(last):
+        has_begun = self._verifier.is_comparing or self._tracker.is_extending
+        if last is None or (self._is_pressed(last) and not has_begun):
             return 0
-        tracker = self._tracker
         has_worked = (
             self._verifier.compare()
-            or (tracker.is_extending and tracker.extend(last.features, last.t_capture_ns))
+            or self._tracker.extend(last.features, last.t_capture_ns)
             or self._learn_depth(last)
-            or tracker.extend(last.features, last.t_capture_ns)
         )
         if not has_worked:
             return 0
@@ -259,11 +257,16 @@ class Pipeline:
         return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _is_pressed(self, last: Keyframe) -> bool:
-        """Whether the last frame took longer than from one to the next, or too long."""
+        """Whether frames are late: their processing does not keep up, or takes too long.
+
+        It counts from a frame's arrival: transport delays no other frame. What is done between
+        frames takes as long as a frame, and the next report is so much older.
+        """
         t_ns = last.t_capture_ns
         if t_ns - self._worked_ns >= PATIENCE_NS or self._period_ns == 0:
             return False
-        return last.inputs.now_ns - t_ns >= min(self._period_ns, LATE_NS)
+        next_age_ns = last.inputs.now_ns - t_ns + self._processing_ns
+        return self._processing_ns >= self._period_ns or next_age_ns >= LATE_NS
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""

@@ -129,7 +129,7 @@ def servo_step(
     flown = status is Status.OK
     result = ServoResult(
         status=status,
-        velocity=_probed(task, inputs, measures.mounting_score, velocity, estimate)
+        velocity=_probed(task, inputs, measures, velocity, estimate)
         if flown
         else np.zeros_like(velocity),
         motion=motion,
@@ -240,14 +240,16 @@ def _uncertainty(task: ServoTask, estimate: GoalEstimate, measures: MotionMeasur
 def _probed(
     task: ServoTask,
     inputs: ServoInputs,
-    score: float | None,
+    measures: MotionMeasures,
     velocity: FloatArray,
     estimate: GoalEstimate,
 ) -> FloatArray:
-    """Velocity (d,) of the law, or one to the side while the mounting is undecided."""
-    if not inputs.engaged or estimate.distance_m <= _PROBED * task.config.tolerance_m:
+    """Velocity (d,) of the law, or one to the side until the mounting has passed; limited."""
+    is_near = estimate.distance_m <= _PROBED * task.config.tolerance_m
+    if not inputs.engaged or is_near or measures.has_mounting_passed:
         return velocity
-    return probing_velocity(score, inputs.t_capture_ns, velocity)
+    asked = probing_velocity(measures.mounting_score, inputs.t_capture_ns, velocity)
+    return saturate(asked, task.limits)
 
 
 def _caution(task: ServoTask, overlap: float, residual_px: float) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.robust_weights import weighted_median
+from dfvs_core.messages.link import MOUNTING_SCORE
 from dfvs_core.servo.checks.feature_error import Reference, feature_error
 from dfvs_core.servo.checks.image_turn import image_turn, point_tracks
 from dfvs_core.servo.checks.mounting import (
@@ -72,6 +73,7 @@ class FrameMotion:
 class MotionMeasures:
     """Numbers of one frame; see ``ServoResult`` for the first three.
 
+    ``has_mounting_passed`` says that the score has told a right mounting in this flight.
     ``mean_error_m`` and ``spread_m`` are the mean error of the last second and the spread about
     it; ``is_reached`` and ``is_stuck`` are those of :mod:`dfvs_core.servo.checks.stop`.
     """
@@ -79,6 +81,7 @@ class MotionMeasures:
     feature_error: float
     median_error_px: float
     mounting_score: float | None
+    has_mounting_passed: bool
     mean_error_m: float
     spread_m: float
     is_reached: bool
@@ -97,15 +100,18 @@ class MotionMonitor:
         Frame that the feature error is relative to.
     stop : StopState
         Recent errors and progress.
+    has_mounting_passed : bool
+        Whether the score has told a right mounting while the vehicle followed.
     """
 
     mounting: MountingState | None = None
     reference: Reference | None = None
     stop: StopState = field(default_factory=StopState)
+    has_mounting_passed: bool = False
 
     def without_goal(self) -> MotionMonitor:
         """Memory of the mounting alone."""
-        return MotionMonitor(self.mounting)
+        return MotionMonitor(self.mounting, has_mounting_passed=self.has_mounting_passed)
 
     def follow_tilt(
         self,
@@ -152,16 +158,21 @@ class MotionMonitor:
         stop = update_stop(self.stop, sample, is_asked, frame.is_paused)
         window = window_error(stop)
         lengths = np.linalg.norm(frame.points.error, axis=1)
+        score = mounting_score(self.mounting)
+        is_right = frame.is_engaged and score is not None and score >= MOUNTING_SCORE
+        has_passed = self.has_mounting_passed or is_right
         measures = MotionMeasures(
             feature_error=length,
             median_error_px=weighted_median(lengths, frame.weight) * task.camera.fx,
-            mounting_score=mounting_score(self.mounting),
+            mounting_score=score,
+            has_mounting_passed=has_passed,
             mean_error_m=window.mean[0] * config.tolerance_m,
             spread_m=window.spread[0] * config.tolerance_m,
             is_reached=is_reached(stop),
             is_stuck=is_stuck(stop, config.progress_s),
         )
-        return measures, replace(self, reference=reference, stop=stop)
+        after = replace(self, reference=reference, stop=stop, has_mounting_passed=has_passed)
+        return measures, after
 
 
 def velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:

@@ -35,6 +35,12 @@ _LONGEST_STEP_S = 0.5
 _LEAST_SPREAD_RAD = 2e-4
 """Expected error of a tilt increment by the images."""
 
+_GYRO_NOISE_RAD = 2e-5
+"""Noise of a tilt increment by the gyroscopes, about each axis: that of the best small ones."""
+
+_LEAST_INFORMATION = 4.0 * (_GYRO_NOISE_RAD / _LEAST_SPREAD_RAD) ** 2
+"""Trace of the information in each frame below which there is not even that noise."""
+
 _RIGHT: FloatArray = np.array([1.0, 0.0])
 _WRONG: tuple[FloatArray, ...] = tuple(
     np.array([math.cos(a), math.sin(a)]) for a in np.radians(np.arange(75.0, 286.0, 5.0))
@@ -126,9 +132,11 @@ def mounting_score(state: MountingState | None) -> float | None:
     more; of these the nearest counts. The score is twice the logarithm of their likelihood ratio
     over the distance between the two: plus that distance where the slope is 1, minus that distance
     where it is the wrong one, 0 half way. A slope that fits neither, such as 0, decides nothing.
-    None while too few frames were seen.
+    None while too few frames were seen, or the attitude does not even tell noise: nobody told it.
     """
     if state is None or state.frames < _LEAST_FRAMES:
+        return None
+    if np.trace(state.information) < _LEAST_INFORMATION * state.frames:
         return None
     H = state.information + 1e-9 * np.eye(2)
     slope = np.linalg.solve(H, state.vector)

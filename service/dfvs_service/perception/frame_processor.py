@@ -1,7 +1,7 @@
 """Processor of raw samples and gate statuses, without sockets or threads."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame
@@ -89,6 +89,7 @@ class FrameProcessor:
         motion = self._history.at(frame.t_capture_ns)
         if motion is None:
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, UNKNOWN_ATTITUDE)
+        frame = replace(frame, t_arrival_ns=sample.t_arrival_ns)
         t_decoded = self._tick()
         frame_result = self._pipeline.process_frame(
             frame, motion, self._servoing, paused=self._paused

@@ -20,6 +20,7 @@ from dfvs_core.matching.relative_pose import relative_pose
 
 CAMERA = dfvs.CameraModel.from_horizontal_fov(320, 240, 1.3)
 PERIOD_NS = 100_000_000
+MOUNT = dfvs.Mount()
 AT_ONCE = dfvs.ServoConfig(response_s=0.0, yaw_response_s=0.0)
 MODULES = {getattr(getattr(dfvs, name), "__module__", "") for name in dfvs.__all__}
 
@@ -85,6 +86,23 @@ def test_the_velocity_leads_to_the_goal(matcher, wall, mount):
     assert result.status is dfvs.Status.OK
     assert result.velocity[0 if mount is None else 1] > 0.01
     assert not result.reached
+
+
+def test_a_vehicle_whose_attitude_is_never_told_is_led_by_the_law_alone(matcher, wall):
+    """No mounting can be told from images alone: no motion to the side is asked for."""
+    servo, left_px, rising_m_s = (
+        dfvs.Servo(matcher, wall.picture(), CAMERA, MOUNT, AT_ONCE),
+        80.0,
+        [],
+    )
+    for k in range(30):
+        view = wall.picture(turned(shift=(left_px, 20.0)))
+        result = servo.step(view, k * PERIOD_NS)
+        assert result.status is dfvs.Status.OK
+        assert result.mounting_score is None
+        rising_m_s.append(result.velocity[2])
+        left_px -= 40.0 * PERIOD_NS * 1e-9 * result.velocity[1]
+    assert np.all(np.array(rising_m_s) != 0.0)
 
 
 def test_without_odometry_the_camera_counts_as_moved_by_its_velocities(matcher, wall):

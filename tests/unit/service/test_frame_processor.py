@@ -27,10 +27,10 @@ class Rig:
         perception = pipeline(self.picture, self.matcher, lambda: self.now_ns, **settings)
         self.eye = FrameProcessor(CAMERA, perception, CLOCK, lambda: self.now_ns)
 
-    def hear_vehicle(self, state="SERVO"):
+    def hear_vehicle(self, state="SERVO", east_m=0.0):
         for back_ms in (60, 40, 20, 0):
             t_ns = self.now_ns - back_ms * MS
-            vehicle = VehicleState(t_ns, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            vehicle = VehicleState(t_ns, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, east_m, 0.0))
             self.eye.on_gate_status(GateStatus(state, "", vehicle))
 
     def sample(self, image=None, t_ns=None, pixel_format=PixelFormat.RGB8, clock=CLOCK):
@@ -107,6 +107,22 @@ def test_more_of_a_goal_in_a_part_of_the_view_is_looked_for_after_reports(rng):
         before = rig.matcher.extensions
         rig.eye.work_between_frames()
         assert rig.matcher.extensions - before == (k in (21, 41))  # a frame after 1 and 2 s
+
+
+def test_frames_that_were_long_on_the_way_do_not_count_as_late(rng):
+    """Depth is learnt in every fourth frame, 50 ms apart, though each is 60 ms old."""
+    rig, learnt = Rig(rng, depth="motion"), []
+    for k in range(16):
+        image = rig.picture.copy()
+        image[0, 0] = k  # else it is a frozen camera's
+        sample = rig.sample(image=image, t_ns=rig.now_ns - 10 * MS)
+        rig.hear_vehicle(east_m=0.02 * k)
+        assert rig.eye.process(sample).report.healthy
+        before = len(rig.matcher.predictions)
+        rig.eye.work_between_frames()
+        if len(rig.matcher.predictions) > before:
+            learnt.append(k)
+    assert set(np.diff(learnt)) == {4}
 
 
 def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):

@@ -8,13 +8,17 @@ from box_room import BoxRoom
 
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler, so3_exp
+from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.servo.checks.image_turn import ImageTurn
 from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
+from dfvs_core.servo.checks.mounting import begin_mounting, follow_mounting, mounting_score
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.exchange import Attitude, LastFrame, ServoState
+from dfvs_core.servo.exchange import Attitude, LastFrame, ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
 from dfvs_core.servo.points import points_from_flow, sample_grid
+from dfvs_core.servo.step import _probed
 from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
@@ -37,6 +41,57 @@ def frame(k, odometry_error_m_s=0.0, is_engaged=True, is_paused=False):
     return FrameMotion(
         k * FRAME_NS, points, points.weight, estimate, AHEAD, 0.3 * AHEAD, is_engaged, is_paused
     )
+
+
+def follow(state, tilts_rad, seed=0):
+    """Regression after tilts (n, 2), 100 ms apart, by gyroscopes and images with noise."""
+    rng, covariance = np.random.default_rng(seed), 4e-4**2 * np.eye(3)
+    R_body_camera = Mount().T_body_camera()[:3, :3]
+    for angles, before in zip(tilts_rad[1:], tilts_rad, strict=False):
+        tilt = 1e-4 * rng.normal(size=2) + angles
+        now = begin_mounting(state.t_ns + FRAME_NS, rotation_from_euler(*tilt, 0.0))
+        turn_rad = np.append(angles - before, 0.0) + 4e-4 * rng.normal(size=3)
+        state = follow_mounting(
+            state, now, ImageTurn(R_body_camera.T @ turn_rad, covariance), R_body_camera
+        )
+    return state
+
+
+def right_mounting():
+    """Regression of a right mounting that has just been told, and the same after 10 s at rest."""
+    t = 0.1 * np.arange(30)
+    tilts = 0.002 * np.stack([np.sin(5.0 * t), np.sin(3.3 * t)], axis=1)
+    told = follow(begin_mounting(0, np.eye(3)), tilts)
+    return told, follow(told, np.zeros((100, 2)), seed=1)
+
+
+def asked_aside(state, k, engaged=True):
+    """Share of 20 frames in which a vehicle 1 m before the goal is asked aside, and the state."""
+    count = 0
+    for j in range(k, k + 20):
+        measures, monitor = state.measure(TASK, frame(j, is_engaged=engaged))
+        inputs = ServoInputs(j * FRAME_NS, j * FRAME_NS, empty_flow((1, 1)), np.zeros(4))
+        asked = _probed(TASK, inputs, measures, 0.3 * AHEAD, frame(j).estimate)
+        count += asked[1] != 0.0
+        state = monitor
+    return count / 20, state
+
+
+def test_a_mounting_that_has_passed_in_flight_is_not_probed_again():
+    told, faded = right_mounting()
+    assert mounting_score(told) > 7.0
+    assert mounting_score(faded) == 0.0  # undecided
+    share, monitor = asked_aside(MotionMonitor(told), 0)
+    assert share == 0.0
+    for later in (monitor, monitor.without_goal()):
+        assert asked_aside(replace(later, mounting=faded), 120)[0] == 0.0
+
+
+def test_a_mounting_that_passed_before_the_flight_alone_is_probed_in_flight():
+    """The gate asks for the score in flight."""
+    told, faded = right_mounting()
+    _, monitor = asked_aside(MotionMonitor(told), 0, engaged=False)
+    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.5
 
 
 def watched(frames):

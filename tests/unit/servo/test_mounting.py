@@ -5,8 +5,10 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
-from dfvs_core.messages.goal import Mount
+from dfvs_core.matching.correspondence import empty_flow
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.checks.image_turn import PointTracks, image_turn, point_tracks
+from dfvs_core.servo.checks.motion_monitor import MotionMeasures
 from dfvs_core.servo.checks.mounting import (
     MOST_SCORE,
     MountingState,
@@ -15,7 +17,12 @@ from dfvs_core.servo.checks.mounting import (
     mounting_score,
     probing_velocity,
 )
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.exchange import Attitude, ServoInputs
+from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
 from dfvs_core.servo.points import GridSamples
+from dfvs_core.servo.step import _probed
+from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 STRIDE = 8
@@ -218,9 +225,16 @@ def test_a_vehicle_that_moves_as_it_tilts_is_not_taken_for_a_wrong_mounting(moun
     assert found[-1] > 5.0
 
 
-def test_a_vehicle_that_does_not_tilt_says_nothing():
+@pytest.mark.parametrize("tilt_deg", [0.0, 1e-4])
+def test_attitudes_without_a_tilt_tell_nothing(tilt_deg):
+    """As of a vehicle whose roll and pitch are not told, to the last bit or nearly so."""
     for mounted_deg in (0.0, 180.0):
-        assert abs(score_of(mounted_deg, tilt_deg=0.0)) < 1.0
+        assert set(scores(mounted_deg, tilt_deg, seconds=2.0)) == {None}
+
+
+def test_a_vehicle_that_tilts_by_the_noise_of_its_attitude_alone_decides_nothing():
+    for mounted_deg in (0.0, 180.0):
+        assert abs(score_of(mounted_deg, tilt_deg=0.0, noise_deg=0.01)) < 4.0
 
 
 def test_motion_without_a_tilt_decides_nothing():
@@ -282,6 +296,27 @@ def test_an_undecided_mounting_is_probed_to_either_side_in_turn(score):
 @pytest.mark.parametrize("score", [None, 5.0, -5.0])
 def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
     assert set(probed(score)) == {0.1}
+
+
+ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
+
+
+UNDECIDED = MotionMeasures(0.0, 0.0, 0.0, False, 0.0, 0.0, False, False)
+
+
+def flown(task, t_ns):
+    """Velocity (4,) that is asked of an engaged vehicle 1 m before the goal."""
+    flow, attitude = empty_flow((15, 20)), Attitude(0.0, 0.0, 0.0)
+    inputs = ServoInputs(t_ns, t_ns, flow, np.zeros(4), attitude, engaged=True)
+    return _probed(task, inputs, UNDECIDED, LAW, ESTIMATE)
+
+
+@pytest.mark.parametrize(("limit_m_s", "aside_m_s"), [(0.1, 0.1), (0.5, 0.3)])
+def test_a_probe_is_no_faster_than_the_settings_allow(limit_m_s, aside_m_s):
+    config = ServoConfig(max_horizontal_m_s=limit_m_s)
+    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), ASSUMED)
+    for t_ns, side in ((5 * 10**8, 1.0), (15 * 10**8, -1.0)):
+        np.testing.assert_allclose(flown(task, t_ns), [0.0, side * aside_m_s, 0.0, 0.0])
 
 
 def test_a_probe_turns_and_climbs_not():

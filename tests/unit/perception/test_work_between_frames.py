@@ -1,0 +1,127 @@
+"""Work between frames: which of it is done after a frame, and when it is put off."""
+
+import numpy as np
+import pytest
+from repeated_shelves import shelves
+from still_pipeline import StillMatcher, pipeline, servo_result
+
+from dfvs_core.matching.correspondence import FlowField, confident_ratio
+from dfvs_core.messages.frame import Frame
+from dfvs_core.perception.vehicle_history import Motion
+
+MS = 1_000_000
+START_NS = 10**9
+
+
+class PartlySeen(StillMatcher):
+    """Tracks what is predicted, of a goal in a part of the view; an extension finds all of it."""
+
+    def __init__(self):
+        super().__init__()
+        self.share = 0.3
+
+    def track(self, current, other, predicted):
+        self.predictions.append(predicted)
+        return FlowField(predicted.flow, predicted.confidence)
+
+    def extend(self, current, other, known):
+        self.extensions += 1
+        still = np.zeros((*current.size, 2), np.float32)
+        return FlowField(still, np.ones(current.size, np.float32))
+
+
+def frames(perception, picture, now, ages_ms, rate_hz, seconds, aside_m_s=0.0):
+    """Results of frames at a rate, each with the work after it.
+
+    ``ages_ms`` are those at the servo step: from capture to arrival, and from there on.
+    """
+    transport_ms, processing_ms = ages_ms
+    for k in range(round(seconds * rate_hz)):
+        t_ns = START_NS + round(k * 1e9 / rate_hz)
+        t_arrival_ns = t_ns + transport_ms * MS
+        now[0] = t_arrival_ns + processing_ms * MS
+        aside = np.array([0.0, aside_m_s * k / rate_hz, 0.0])
+        motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
+        frame = Frame(picture, t_ns, k, t_arrival_ns)
+        yield perception.process_frame(frame, motion, engaged=False)
+        perception.work_between_frames()
+
+
+@pytest.fixture
+def picture(rng):
+    return rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
+
+
+def is_extended(picture, ages_ms, rate_hz):
+    """Whether a frame shows all of the goal within 3 s; the vehicle goes aside all the time."""
+    now, settings = [0], {"depth": "motion", "min_matched_texture": 0.0}
+    perception = pipeline(picture, PartlySeen(), lambda: now[0], **settings)
+    found = frames(perception, picture, now, ages_ms, rate_hz, 3.0, aside_m_s=0.4)
+    return max(confident_ratio(each.flow) for each in found) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "age_ms"),
+    [(5, 10), (5, 105), (10, 105), (15, 40), (15, 70), (30, 25), (30, 40), (60, 20)],
+)
+@pytest.mark.parametrize("by", ["transport", "processing"])
+def test_more_of_the_goal_is_found_at_any_rate_and_age_of_the_frames(picture, rate_hz, age_ms, by):
+    """Though depth is learnt meanwhile."""
+    ages_ms = (age_ms, 0) if by == "transport" else (0, age_ms)
+    assert is_extended(picture, ages_ms, rate_hz)
+
+
+def learnt_at_ms(picture, ages_ms, rate_hz, seconds=3.0):
+    """Times of the frames after which depth was learnt, ms."""
+    now, matcher, times = [0], StillMatcher(), []
+    perception = pipeline(picture, matcher, lambda: now[0], depth="motion")
+    before = None
+    for frame in frames(perception, picture, now, ages_ms, rate_hz, seconds, aside_m_s=0.4):
+        # One is asked for in each frame from the second on; the rest came after the last frame.
+        if before is not None and len(matcher.predictions) - before > 1:
+            times.append(frame.frame.t_capture_ns // MS)
+        before = len(matcher.predictions)
+    return times
+
+
+@pytest.mark.parametrize(
+    ("transport_ms", "processing_ms", "is_put_off"),
+    [
+        (0, 30, False),
+        (0, 34, True),  # more than the 33 ms from one frame to the next
+        (60, 30, False),
+        (60, 34, True),
+        (139, 30, False),
+        (141, 30, True),  # with as much work after it the next report is 200 ms old and more
+    ],
+)
+def test_work_waits_for_processing_that_does_not_keep_up_and_not_for_transport(
+    picture, transport_ms, processing_ms, is_put_off
+):
+    times_ms = learnt_at_ms(picture, (transport_ms, processing_ms), rate_hz=30)
+    assert len(times_ms) > 2
+    assert (np.diff(times_ms).min() >= 600) == is_put_off
+    assert (np.diff(times_ms).max() <= 250) != is_put_off
+
+
+def test_a_comparison_on_arrival_that_is_begun_ends_after_the_next_frame(monkeypatch):
+    """Though frames do not keep up: DONE waits for it."""
+    goal, view = shelves(1, 2, 3, 4), shelves(2, 3, 4, 5)
+    now, compared = [0], []
+    monkeypatch.setattr(
+        "dfvs_core.perception.goal_verification.match_elsewhere",
+        lambda *_: compared.append(now[0]),
+    )
+    same = np.abs(view.astype(np.float32) - goal).max(axis=2) < 10.0
+    still = np.zeros((*same.shape, 2), np.float32)
+    matcher = StillMatcher(FlowField(still, same.astype(np.float32)))
+    perception = pipeline(goal, matcher, lambda: now[0], depth="constant")
+    reached = servo_result(error_m=0.01, error_rad=0.0, reached=True)
+    monkeypatch.setattr(
+        "dfvs_core.perception.pipeline.servo_step", lambda task, state, inputs: (reached, state)
+    )
+    begun_ns = None
+    for _ in frames(perception, view, now, (0, 40), 30, 1.0):
+        if begun_ns is None and perception._verifier.is_comparing:
+            begun_ns = now[0]
+    assert compared == [begun_ns]
