@@ -44,6 +44,34 @@ def test_the_router_s_file_names_no_folder_so_that_it_may_be_moved(folder, tmp_p
     assert all((moved / path).is_file() and not Path(path).is_absolute() for path in paths)
 
 
+def router_of(folder):
+    return json.loads((folder / "router" / "router.json5").read_text(encoding="utf-8"))
+
+
+def test_a_vehicle_that_is_added_takes_nothing_from_those_before(tmp_path):
+    listen = "tls/192.168.1.10:7450"
+    assert main(["--out", str(tmp_path), "--vehicle", "drone1", "--listen", listen]) == 0
+    first = router_of(tmp_path)
+    (tmp_path / "service.drone1").rename(tmp_path / "service.drone1.old")
+    assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 0
+    both = router_of(tmp_path)
+    names = {subject["id"] for subject in both["access_control"]["subjects"]}
+    assert {"service.drone1", "camera.drone1", "service.drone2", "camera.drone2"} <= names
+    assert both["listen"] == first["listen"] == {"endpoints": [listen]}
+
+
+def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_path, refused):
+    assert main(["--out", str(tmp_path)]) == 0
+    path = tmp_path / "router" / "router.json5"
+    edited = path.read_text(encoding="utf-8").replace("{", '{ "id": "aa",', 1)
+    path.write_text(edited, encoding="utf-8")
+    assert main(["--out", str(tmp_path)]) == 0
+    assert path.with_name("router.json5.old").read_text(encoding="utf-8") == edited
+    assert "id" not in router_of(tmp_path)
+    path.write_text("// mine", encoding="utf-8")
+    assert "move it away" in refused(main, "--out", tmp_path)
+
+
 def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, refused):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert "pip install 'dfvs[deploy]'" in refused(main, "--out", tmp_path / "none")
