@@ -13,9 +13,11 @@ from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settin
 from dfvs_service.certificates.authority import (
     Credentials,
     Validity,
+    has_expired,
     make_authority,
     make_certificate,
     read_authority,
+    read_certificate,
     write_credentials,
 )
 
@@ -40,12 +42,13 @@ def make_everything(arguments: argparse.Namespace) -> None:
     out.mkdir(mode=0o700, parents=True, exist_ok=True)
     earlier = _earlier_router(out / _ROUTER_FILE)
     authority = _authority(out / "authority", validity)
+    validity = validity.within(authority.certificate)
     hosts = tuple(dict.fromkeys((*arguments.host, *_LOOPBACK)))
     for role in Role:
         for vehicle in vehicles if role is not Role.ROUTER else vehicles[:1]:
             name = certificate_name(role, vehicle)
             if (out / name).exists():
-                print(f"kept  {out / name}")
+                _report_kept(out / name)
                 continue
             listens = hosts if role in (Role.ROUTER, Role.SERVICE) else ()
             credentials = make_certificate(authority, name, listens, validity)
@@ -55,6 +58,12 @@ def make_everything(arguments: argparse.Namespace) -> None:
     endpoints = earlier.endpoints if arguments.listen is None else (arguments.listen,)
     document = router_document(tuple(sorted(everybody)), endpoints)
     _write_router_file(out / _ROUTER_FILE, document)
+
+
+def _report_kept(folder: Path) -> None:
+    """Tell of a certificate that stays as it is, and of one that is no longer good."""
+    is_old = has_expired(read_certificate(folder / "certificate.pem"))
+    print(f"kept  {folder}" + (", which has expired: move it away to renew it" if is_old else ""))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """``dfvs-certs``: what it writes, and which role each program has."""
 
+import datetime
 import importlib.util
 import json
 import re
@@ -11,6 +12,12 @@ import pytest
 from cryptography import x509
 
 from dfvs_core.messages.zenoh_access import Role, certificate_name
+from dfvs_service.certificates.authority import (
+    Validity,
+    make_authority,
+    make_certificate,
+    write_credentials,
+)
 from dfvs_service.certificates.cli import main
 
 ROOT = Path(__file__).parents[3]
@@ -72,6 +79,44 @@ def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_p
     assert "move it away" in refused(main, "--out", tmp_path)
 
 
+def end_of(folder, name):
+    data = (folder / name / "certificate.pem").read_bytes()
+    return x509.load_pem_x509_certificate(data).not_valid_after_utc
+
+
+def days(begin, end):
+    now = datetime.datetime.now(datetime.UTC)
+    return Validity(now + datetime.timedelta(begin), now + datetime.timedelta(end))
+
+
+def with_authority(folder, validity):
+    authority = make_authority("DFVS authority", validity)
+    write_credentials(folder / "authority", authority, authority)
+    return authority
+
+
+def test_an_authority_that_has_expired_signs_nothing(tmp_path, refused):
+    with_authority(tmp_path, days(-400, -35))
+    assert "expired on" in refused(main, "--out", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["authority"]
+
+
+def test_no_certificate_outlives_its_authority(tmp_path):
+    with_authority(tmp_path, days(-300, 65))
+    assert main(["--out", str(tmp_path)]) == 0
+    assert end_of(tmp_path, "camera.drone1") == end_of(tmp_path, "authority")
+
+
+def test_a_certificate_that_is_kept_tells_that_it_has_expired(tmp_path, capsys):
+    authority = with_authority(tmp_path, days(-400, 65))
+    old = make_certificate(authority, "camera.drone1", (), days(-400, -35))
+    write_credentials(tmp_path / "camera.drone1", old, authority)
+    assert main(["--out", str(tmp_path)]) == 0
+    (line,) = [text for text in capsys.readouterr().out.splitlines() if text.startswith("kept")]
+    assert "camera.drone1" in line
+    assert "expired" in line
+
+
 def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, refused):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert "pip install 'dfvs[deploy]'" in refused(main, "--out", tmp_path / "none")
@@ -80,7 +125,7 @@ def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, ref
 
 def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, refused):
     (tmp_path / "authority").mkdir()
-    assert "holds no authority" in refused(main, "--out", tmp_path)
+    assert "holds no certificate" in refused(main, "--out", tmp_path)
 
 
 def test_the_docs_name_every_role_and_every_program_that_meets_others():
