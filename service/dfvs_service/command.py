@@ -16,6 +16,7 @@ from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics
 from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.endpoints import here
 from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
@@ -31,7 +32,8 @@ class CommandError(DfvsError):
 
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
     """Settings with which an operator reaches the service: its router, or the service itself."""
-    endpoints = service.connect if service.mode == "client" else service.listen
+    listen = tuple(here(endpoint) for endpoint in service.listen)
+    endpoints = service.connect if service.mode == "client" else listen
     return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.camera.sources.source import Source
-from dfvs_service.camera.sources.spec import SourceLostError
+from dfvs_service.camera.sources.spec import CameraError, SourceLostError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.mailbox import Mailbox
 
@@ -70,9 +70,14 @@ class LiveFeed:
         DfvsError
             If the source cannot be used and trying again would not help.
         """
+        had_ended = not self._thread.is_alive()
         item = self._mailbox.get(timeout_s)
         if isinstance(item, DfvsError):
             raise item
+        if item is None and had_ended:
+            raise CameraError(
+                "the thread that reads the camera ended by itself", remedy="see its traceback above"
+            )
         return item
 
     def close(self) -> None:

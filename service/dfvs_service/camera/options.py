@@ -16,6 +16,7 @@ from dfvs_service.camera.sources.open_source import open_source
 from dfvs_service.camera.sources.source import Source, SourceOptions
 from dfvs_service.camera.sources.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
+from dfvs_service.settings.endpoints import here
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
 
@@ -128,7 +129,8 @@ def quiet_libraries() -> None:
 
 def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     """Settings with which a camera reaches the service: its router, or the service itself."""
-    endpoints = service.connect if service.mode == "client" else service.listen
+    listen = tuple(here(endpoint) for endpoint in service.listen)
+    endpoints = service.connect if service.mode == "client" else listen
     if connect is not None:
         endpoints = (connect,)
     return dataclasses.replace(service, connect=endpoints, listen=())

@@ -39,6 +39,10 @@ class Validity:
         now = datetime.datetime.now(datetime.UTC)
         return cls(now - _CLOCK_SLACK, now + datetime.timedelta(days=days))
 
+    def within(self, certificate: x509.Certificate) -> Validity:
+        """Good for no longer than a certificate is."""
+        return Validity(self.begin, min(self.end, certificate.not_valid_after_utc))
+
 
 def make_authority(name: str, validity: Validity) -> Credentials:
     """Authority that signs the roles' certificates, and nothing below them."""
@@ -136,8 +140,8 @@ def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     )
 
 
-def read_authority(folder: Path) -> Credentials:
-    """Authority that an earlier run made.
+def read_certificate(path: Path) -> x509.Certificate:
+    """Certificate of a PEM file.
 
     Raises
     ------
@@ -145,7 +149,32 @@ def read_authority(folder: Path) -> Credentials:
         If it cannot be read.
     """
     try:
-        certificate = x509.load_pem_x509_certificate((folder / "certificate.pem").read_bytes())
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} holds no certificate ({error})") from error
+
+
+def has_expired(certificate: x509.Certificate) -> bool:
+    """Whether a certificate is no longer good."""
+    return certificate.not_valid_after_utc <= datetime.datetime.now(datetime.UTC)
+
+
+def read_authority(folder: Path) -> Credentials:
+    """Authority that an earlier run made.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or has expired.
+    """
+    certificate = read_certificate(folder / "certificate.pem")
+    if has_expired(certificate):
+        raise ConfigError(
+            f"the authority in {folder} expired on {certificate.not_valid_after_utc:%Y-%m-%d}",
+            "one that is valid",
+            "make a new one, with certificates for all roles, in another folder",
+        )
+    try:
         key = serialization.load_pem_private_key((folder / "key.pem").read_bytes(), None)
     except (OSError, ValueError) as error:
         raise ConfigError(f"{folder} holds no authority ({error})") from error

@@ -60,9 +60,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--days", type=int, default=365, help="validity (default: 365)")
     parser.add_argument(
         "--listen",
-        default="tls/0.0.0.0:7447",
         metavar="ENDPOINT",
-        help="where the router listens (default: tls/0.0.0.0:7447)",
+        help="where the router listens (default: as its file says, or tls/0.0.0.0:7447)",
     )
     return parser
 

@@ -2,6 +2,8 @@
 
 import argparse
 import json
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError
@@ -11,13 +13,17 @@ from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settin
 from dfvs_service.certificates.authority import (
     Credentials,
     Validity,
+    has_expired,
     make_authority,
     make_certificate,
     read_authority,
+    read_certificate,
     write_credentials,
 )
 
 _LOOPBACK = ("localhost", "127.0.0.1")
+_LISTEN = "tls/0.0.0.0:7447"
+_ROUTER_FILE = Path("router", "router.json5")
 
 
 def make_everything(arguments: argparse.Namespace) -> None:
@@ -34,21 +40,74 @@ def make_everything(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--days {arguments.days}", "1 or more")
     validity = Validity.days_from_now(arguments.days)
     out.mkdir(mode=0o700, parents=True, exist_ok=True)
+    earlier = _earlier_router(out / _ROUTER_FILE)
     authority = _authority(out / "authority", validity)
+    validity = validity.within(authority.certificate)
     hosts = tuple(dict.fromkeys((*arguments.host, *_LOOPBACK)))
     for role in Role:
         for vehicle in vehicles if role is not Role.ROUTER else vehicles[:1]:
             name = certificate_name(role, vehicle)
             if (out / name).exists():
-                print(f"kept  {out / name}")
+                _report_kept(out / name)
                 continue
             listens = hosts if role in (Role.ROUTER, Role.SERVICE) else ()
             credentials = make_certificate(authority, name, listens, validity)
             write_credentials(out / name, credentials, authority)
             print(f"wrote {out / name}")
-    document = router_document(vehicles, arguments.listen)
-    path = out / "router" / "router.json5"
-    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    everybody = {*earlier.vehicles, *_vehicles_of(path.name for path in out.iterdir()), *vehicles}
+    endpoints = earlier.endpoints if arguments.listen is None else (arguments.listen,)
+    document = router_document(tuple(sorted(everybody)), endpoints)
+    _write_router_file(out / _ROUTER_FILE, document)
+
+
+def _report_kept(folder: Path) -> None:
+    """Tell of a certificate that stays as it is, and of one that is no longer good."""
+    is_old = has_expired(read_certificate(folder / "certificate.pem"))
+    print(f"kept  {folder}" + (", which has expired: move it away to renew it" if is_old else ""))
+
+
+@dataclass(frozen=True, slots=True)
+class _Router:
+    """What a router's file says: where it listens, and whose roles may do their work."""
+
+    endpoints: tuple[str, ...] = (_LISTEN,)
+    vehicles: tuple[str, ...] = ()
+
+
+def _earlier_router(path: Path) -> _Router:
+    """Router's file of an earlier run.
+
+    Raises
+    ------
+    ConfigError
+        If it is not as it was written.
+    """
+    if not path.exists():
+        return _Router()
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        names = [subject["id"] for subject in document["access_control"]["subjects"]]
+        return _Router(tuple(document["listen"]["endpoints"]), _vehicles_of(names))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ConfigError(
+            f"{path} cannot be read ({error!r})", "a file as dfvs-certs writes it", "move it away"
+        ) from error
+
+
+def _vehicles_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Vehicles whose service is among names of certificates; a copy's name has one dot more."""
+    parts = (name.split(".") for name in names)
+    return tuple(part[1] for part in parts if part[0] == Role.SERVICE and len(part) == 2)
+
+
+def _write_router_file(path: Path, document: dict[str, object]) -> None:
+    """Write the router's file; one that differs stays beside it, with what was added by hand."""
+    text = json.dumps(document, indent=2) + "\n"
+    if path.exists() and path.read_text(encoding="utf-8") != text:
+        old = path.with_name(f"{path.name}.old")
+        path.replace(old)
+        print(f"kept  {old}: carry over what you added to it")
+    path.write_text(text, encoding="utf-8")
     print(f"wrote {path}; start the router with: cd {path.parent} && zenohd -c {path.name}")
 
 
@@ -61,10 +120,10 @@ def _authority(folder: Path, validity: Validity) -> Credentials:
     return authority
 
 
-def router_document(vehicles: tuple[str, ...], endpoint: str) -> dict[str, object]:
+def router_document(vehicles: tuple[str, ...], endpoints: tuple[str, ...]) -> dict[str, object]:
     """Configuration of a Zenoh router that runs in the folder of its certificate."""
     files = TlsFiles("ca.pem", "certificate.pem", "key.pem")
-    pairs = zenoh_settings("router", (), (endpoint,), Encryption(files, vehicles))
+    pairs = zenoh_settings("router", (), endpoints, Encryption(files, vehicles))
     document: dict[str, object] = {}
     for path, value in pairs:
         *parents, last = path.split("/")

@@ -1,6 +1,8 @@
 """Encryption and reach of Zenoh endpoints and MAVLink connections."""
 
 _ENCRYPTED = ("tls", "quic")
+_EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "localhost"}
+"""Wildcard addresses, and a name of this machine in each service's certificate."""
 _LOCAL = ("unixsock-stream", "unixpipe")
 
 
@@ -29,3 +31,10 @@ def is_loopback(address: str) -> bool:
     parts = host.split(".")
     v4 = len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
     return v4 or host in ("localhost", "::1")
+
+
+def here(endpoint: str) -> str:
+    """Zenoh endpoint at which a program on this machine meets who listens on ``endpoint``."""
+    protocol, _, rest = endpoint.partition("/")
+    host, colon, port = rest.rpartition(":")
+    return f"{protocol}/{_EVERYWHERE[host]}{colon}{port}" if host in _EVERYWHERE else endpoint

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,21 @@ def test_systemd_reads_the_drop_in_for_certificates(tmp_path):
     folder = tmp_path / "dfvs-dashboard.service.d"
     folder.mkdir()
     (folder / "tls.conf").write_text(drop_in)
+    verify(unit)
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+def test_systemd_reads_the_drop_in_for_a_pi_camera_which_opens_its_buffers(tmp_path):
+    unit = copied("camera", tmp_path)
+    page = (DEPLOY.parent / "docs" / "how-to" / "raspberry-pi.md").read_text()
+    (drop_in,) = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
+    drop_in = textwrap.dedent(drop_in)
+    assert "DeviceAllow=char-dma_heap rw" in drop_in.splitlines()
+    folder = tmp_path / "dfvs-camera.service.d"
+    folder.mkdir()
+    program = "/opt/dfvs/bin/dfvs-camera"
+    assert program in drop_in
+    (folder / "pi.conf").write_text(drop_in.replace(program, sys.executable))
     verify(unit)
 
 

@@ -180,6 +180,15 @@ def test_the_command_goes_from_a_folder_to_a_file_that_the_service_reads(tmp_pat
     assert (plot[..., 1].astype(int) - plot[..., 2] > 60).sum() > 500  # green corners and bars
 
 
+@pytest.mark.parametrize(("columns", "rows", "is_made"), [(10, 10, True), (12, 9, False)])
+def test_a_board_has_no_more_markers_than_its_dictionary(columns, rows, is_made, tmp_path, refused):
+    words = ("board", "--board", f"charuco:{columns}x{rows}:0.02:0.015:4X4_50", "--out")
+    if is_made:
+        assert cli.main([*words, str(tmp_path / "board.png")]) == 0
+    else:
+        assert "54 markers" in refused(cli.main, *words, tmp_path / "board.png")
+
+
 def test_a_printed_board_is_found_again(tmp_path, capsys):
     path = tmp_path / "board.png"
     assert (

@@ -90,6 +90,14 @@ def test_picamera2_that_is_not_installed_is_named_as_the_cause():
         open_source(parse_source("picamera"), SourceOptions())
 
 
+def test_picamera2_that_was_built_for_another_numpy_is_named_as_the_cause(tmp_path, monkeypatch):
+    problem = "numpy.dtype size changed, may indicate binary incompatibility"
+    (tmp_path / "picamera2.py").write_text(f"raise ValueError({problem!r})\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(CameraError, match=r"size changed.*simplejpeg"):
+        open_source(parse_source("picamera"), SourceOptions())
+
+
 def test_a_file_that_is_no_video_is_refused(tmp_path):
     path = tmp_path / "clip.mp4"
     path.write_bytes(b"no video" * 99)

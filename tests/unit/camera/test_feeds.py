@@ -83,6 +83,14 @@ def test_what_cannot_be_mended_by_trying_again_ends_it():
     feed.close()
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_library_s_own_error_ends_it_too():
+    feed = LiveFeed(Openings(Script(1, RuntimeError("a driver's"))), lambda _line: None)
+    with pytest.raises(CameraError, match="ended by itself"):
+        taken(feed, 2)
+    feed.close()
+
+
 def taken(feed, count):
     shots = []
     deadline = time.monotonic() + 5.0

@@ -1,5 +1,6 @@
 """``dfvs-certs``: what it writes, and which role each program has."""
 
+import datetime
 import importlib.util
 import json
 import re
@@ -11,6 +12,12 @@ import pytest
 from cryptography import x509
 
 from dfvs_core.messages.zenoh_access import Role, certificate_name
+from dfvs_service.certificates.authority import (
+    Validity,
+    make_authority,
+    make_certificate,
+    write_credentials,
+)
 from dfvs_service.certificates.cli import main
 
 ROOT = Path(__file__).parents[3]
@@ -44,6 +51,72 @@ def test_the_router_s_file_names_no_folder_so_that_it_may_be_moved(folder, tmp_p
     assert all((moved / path).is_file() and not Path(path).is_absolute() for path in paths)
 
 
+def router_of(folder):
+    return json.loads((folder / "router" / "router.json5").read_text(encoding="utf-8"))
+
+
+def test_a_vehicle_that_is_added_takes_nothing_from_those_before(tmp_path):
+    listen = "tls/192.168.1.10:7450"
+    assert main(["--out", str(tmp_path), "--vehicle", "drone1", "--listen", listen]) == 0
+    first = router_of(tmp_path)
+    (tmp_path / "service.drone1").rename(tmp_path / "service.drone1.old")
+    assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 0
+    both = router_of(tmp_path)
+    names = {subject["id"] for subject in both["access_control"]["subjects"]}
+    assert {"service.drone1", "camera.drone1", "service.drone2", "camera.drone2"} <= names
+    assert both["listen"] == first["listen"] == {"endpoints": [listen]}
+
+
+def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_path, refused):
+    assert main(["--out", str(tmp_path)]) == 0
+    path = tmp_path / "router" / "router.json5"
+    edited = path.read_text(encoding="utf-8").replace("{", '{ "id": "aa",', 1)
+    path.write_text(edited, encoding="utf-8")
+    assert main(["--out", str(tmp_path)]) == 0
+    assert path.with_name("router.json5.old").read_text(encoding="utf-8") == edited
+    assert "id" not in router_of(tmp_path)
+    path.write_text("// mine", encoding="utf-8")
+    assert "move it away" in refused(main, "--out", tmp_path)
+
+
+def end_of(folder, name):
+    data = (folder / name / "certificate.pem").read_bytes()
+    return x509.load_pem_x509_certificate(data).not_valid_after_utc
+
+
+def days(begin, end):
+    now = datetime.datetime.now(datetime.UTC)
+    return Validity(now + datetime.timedelta(begin), now + datetime.timedelta(end))
+
+
+def with_authority(folder, validity):
+    authority = make_authority("DFVS authority", validity)
+    write_credentials(folder / "authority", authority, authority)
+    return authority
+
+
+def test_an_authority_that_has_expired_signs_nothing(tmp_path, refused):
+    with_authority(tmp_path, days(-400, -35))
+    assert "expired on" in refused(main, "--out", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["authority"]
+
+
+def test_no_certificate_outlives_its_authority(tmp_path):
+    with_authority(tmp_path, days(-300, 65))
+    assert main(["--out", str(tmp_path)]) == 0
+    assert end_of(tmp_path, "camera.drone1") == end_of(tmp_path, "authority")
+
+
+def test_a_certificate_that_is_kept_tells_that_it_has_expired(tmp_path, capsys):
+    authority = with_authority(tmp_path, days(-400, 65))
+    old = make_certificate(authority, "camera.drone1", (), days(-400, -35))
+    write_credentials(tmp_path / "camera.drone1", old, authority)
+    assert main(["--out", str(tmp_path)]) == 0
+    (line,) = [text for text in capsys.readouterr().out.splitlines() if text.startswith("kept")]
+    assert "camera.drone1" in line
+    assert "expired" in line
+
+
 def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, refused):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert "pip install 'dfvs[deploy]'" in refused(main, "--out", tmp_path / "none")
@@ -52,7 +125,7 @@ def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, ref
 
 def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, refused):
     (tmp_path / "authority").mkdir()
-    assert "holds no authority" in refused(main, "--out", tmp_path)
+    assert "holds no certificate" in refused(main, "--out", tmp_path)
 
 
 def test_the_docs_name_every_role_and_every_program_that_meets_others():

@@ -42,6 +42,20 @@ class BoardSpec:
             )
         if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
             raise ConfigError(f"marker dictionary {self.dictionary!r}", "such as 5X5_100, 4X4_50")
+        if self.kind == "charuco":
+            self._check_markers()
+
+    def _check_markers(self) -> None:
+        """Find that the dictionary has a marker for every other square."""
+        code = getattr(cv2.aruco, f"DICT_{self.dictionary}")
+        wanted = self.columns * self.rows // 2
+        known = len(cv2.aruco.getPredefinedDictionary(code).bytesList)
+        if wanted > known:
+            raise ConfigError(
+                f"a board of {self.columns} x {self.rows} squares has {wanted} markers",
+                f"at most {known}, as many as {self.dictionary} has",
+                "choose fewer squares or a dictionary of more markers, such as 5X5_1000",
+            )
 
 
 def parse_board(text: str) -> BoardSpec:

@@ -18,7 +18,7 @@ class PicameraSource:
     Raises
     ------
     CameraError
-        If Picamera2 is not installed, or there is no camera of that number.
+        If Picamera2 is not installed or cannot be loaded, or there is no camera of that number.
     SourceLostError
         If the camera cannot be started right now.
     """
@@ -31,6 +31,12 @@ class PicameraSource:
                 f"Picamera2 is not installed ({error})",
                 "Raspberry Pi OS with python3-picamera2",
                 "make the virtual environment with --system-site-packages",
+            ) from error
+        except ValueError as error:  # a module of the system that was built for another numpy
+            raise CameraError(
+                f"Picamera2 cannot be loaded ({error})",
+                "modules that were built for this numpy",
+                "install simplejpeg in the virtual environment: pip install -I simplejpeg",
             ) from error
         if number >= len(Picamera2.global_camera_info()):
             raise CameraError(f"there is no Pi camera {number}", "a camera that libcamera lists")
