@@ -265,7 +265,7 @@ def restructured(
     if not abs(stretch) < _MOST_STRETCH:
         return estimate
     x, P = estimate.x.copy(), estimate.P.copy()
-    x[_P] += after - before
+    x[_P] = after + math.exp(stretch) * (x[_P] - before)
     if P[_S, _S] > 0.0:
         stretch *= min(P[_S, _S] / model.scale_spread**2, 1.0)
         x[_S] -= stretch
