@@ -73,7 +73,7 @@ class FrameMotion:
 class MotionMeasures:
     """Numbers of one frame; see ``ServoResult`` for the first three.
 
-    ``has_mounting_passed`` says that the score has told a right mounting in this flight.
+    ``has_mounting_passed`` says that the score has told a right mounting in this engagement.
     ``mean_error_m`` and ``spread_m`` are the mean error of the last second and the spread about
     it; ``is_reached`` and ``is_stuck`` are those of :mod:`dfvs_core.servo.checks.stop`.
     """
@@ -101,7 +101,7 @@ class MotionMonitor:
     stop : StopState
         Recent errors and progress.
     has_mounting_passed : bool
-        Whether the score has told a right mounting while the vehicle followed.
+        Whether the score has told a right mounting in this engagement.
     """
 
     mounting: MountingState | None = None
@@ -160,7 +160,9 @@ class MotionMonitor:
         lengths = np.linalg.norm(frame.points.error, axis=1)
         score = mounting_score(self.mounting)
         is_right = frame.is_engaged and score is not None and score >= MOUNTING_SCORE
-        has_passed = self.has_mounting_passed or is_right
+        has_passed = is_right or (
+            self.has_mounting_passed and (frame.is_engaged or frame.is_paused)
+        )
         measures = MotionMeasures(
             feature_error=length,
             median_error_px=weighted_median(lengths, frame.weight) * task.camera.fx,

@@ -94,6 +94,15 @@ def test_a_mounting_that_passed_before_the_flight_alone_is_probed_in_flight():
     assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.5
 
 
+def test_a_mounting_that_passed_is_probed_in_another_engagement_as_the_gate_asks_for_it_anew():
+    told, faded = right_mounting()
+    _, monitor = asked_aside(MotionMonitor(told), 0)
+    _, monitor = monitor.measure(TASK, frame(30, is_engaged=False, is_paused=True))
+    assert monitor.has_mounting_passed
+    _, monitor = monitor.measure(TASK, frame(31, is_engaged=False))
+    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.5
+
+
 def watched(frames):
     monitor, measures = MotionMonitor(), None
     for each in frames:
