@@ -77,6 +77,22 @@ def test_a_stream_that_nobody_serves_may_come_back():
         open_source(parse_source("rtsp://127.0.0.1:9/x"), SourceOptions())
 
 
+@pytest.mark.parametrize(
+    "source", ["rtsp://pilot:se:cret@127.0.0.1:9/x", "gst:rtspsrc location=rtsp://a:b@h ! appsink"]
+)
+def test_the_password_of_a_stream_stays_out_of_what_is_shown(source):
+    spec = parse_source(source)
+    assert ":***@" in str(spec)
+    assert "cret" not in str(spec) + spec.shown
+    assert "a:b@" not in str(spec) + spec.shown
+    assert spec.place == source.removeprefix("gst:")
+
+
+def test_the_password_of_a_stream_that_cannot_be_opened_stays_out_of_the_error():
+    with pytest.raises(SourceLostError, match=r"rtsp://pilot:\*\*\*@127\.0\.0\.1:9/x cannot"):
+        open_source(parse_source("rtsp://pilot:secret@127.0.0.1:9/x"), SourceOptions())
+
+
 @pytest.mark.skipif(
     "GStreamer:                   YES" in cv2.getBuildInformation(), reason="has GStreamer"
 )

@@ -140,11 +140,11 @@ def _not_opened(spec: SourceSpec) -> SourceLostError | CameraError:
         return CameraError(f"{spec.place} cannot be read", "a video file, or a PNG or JPEG")
     if spec.kind is SourceKind.STREAM:
         return SourceLostError(
-            f"the stream {spec.place} cannot be opened", "an address that a player can open"
+            f"the stream {spec.shown} cannot be opened", "an address that a player can open"
         )
     if spec.kind is SourceKind.GSTREAMER:
         return SourceLostError(
-            f"the GStreamer pipeline {spec.place!r} does not start",
+            f"the GStreamer pipeline {spec.shown!r} does not start",
             "one that ends in: videoconvert ! video/x-raw,format=BGR ! appsink drop=true",
         )
     device = Path(_place(spec))

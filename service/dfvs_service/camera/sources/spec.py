@@ -12,6 +12,7 @@ IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
 _DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
+_PASSWORD = re.compile(r"(://[^/@\s:]*):[^/@\s]*@")
 
 
 class CameraError(DfvsError):
@@ -48,8 +49,13 @@ class SourceSpec:
         """Whether images come at their own pace, and may come back after a loss."""
         return self.kind in LIVE
 
+    @property
+    def shown(self) -> str:
+        """The place as logs and errors may show it: without a URL's password."""
+        return _PASSWORD.sub(r"\1:***@", self.place)
+
     def __str__(self) -> str:
-        return f"{self.kind} {self.place}"
+        return f"{self.kind} {self.shown}"
 
 
 def parse_source(text: str) -> SourceSpec:
