@@ -178,6 +178,8 @@ class Px4:
             return refusal
         if self.status.mode is not Mode.TERMINATION or not self.status.armed:
             self.status.intended = mode
+            if not mode.prevents_arming:
+                self.status.after_disarming = mode
             self._supervise(now_ns)
         return None
 
@@ -195,12 +197,13 @@ class Px4:
         return None
 
     def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
-        """Disarm; in the air only by force."""
+        """Disarm, in the air only by force; selects the last mode that can be armed."""
         if self.status.armed and not self.status.landed and not force:
             self.send_text(Refusal.IN_AIR.value)
             return Refusal.IN_AIR
         if self.status.armed:
             self.status.armed = self.status.failsafe = False
+            self.status.intended = self.status.after_disarming
             self._journal_state(now_ns, f"disarmed: {cause}")
             self._supervise(now_ns)
         return None

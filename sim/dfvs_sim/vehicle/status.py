@@ -32,7 +32,8 @@ class Status:
     """Mutable heart of the autopilot.
 
     ``intended`` is the mode that was asked for last; ``mode`` is the one that is flown and shown,
-    another one only while a failsafe acts. Times are monotonic ns.
+    another one only while a failsafe acts. Disarming selects ``after_disarming``, the last mode
+    asked for that can be armed. Times are monotonic ns.
     """
 
     boot_ns: int
@@ -41,6 +42,7 @@ class Status:
     ready: bool = False
     intended: Mode = Mode.HOLD
     mode: Mode = Mode.HOLD
+    after_disarming: Mode = Mode.HOLD
     failsafe: bool = False
     armed: bool = False
     armed_ns: int = 0

@@ -156,6 +156,26 @@ def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
     assert 2.0 <= wait_s <= 3.0
 
 
+def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.command(LAND)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
+    assert vehicle.mode is Mode.HOLD
+    assert vehicle.command(ARM, 1.0) == [0]
+
+
+def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -> None:
+    vehicle = VehicleInHand()
+    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle.command(LAND)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
+    assert vehicle.mode is Mode.OFFBOARD
+    assert vehicle.command(ARM, 1.0) == [1]
+    vehicle.set_mode(Mode.HOLD)
+    assert vehicle.command(ARM, 1.0) == [0]
+
+
 def test_return_flies_home_and_lands_there() -> None:
     vehicle = VehicleInHand()
     vehicle.fly_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
