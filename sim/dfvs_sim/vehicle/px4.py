@@ -227,6 +227,7 @@ class Px4:
             s.published_ns = now_ns
         s.ready = now_ns - s.boot_ns >= self.config.ready_after_s * NS_PER_S
         s.estimator_ok = self.flight.estimate.valid
+        s.can_arm = arming_refusal(s, self.parameters, now_ns) is None
         if s.armed and should_disarm(s, self.parameters, now_ns):
             self.disarm(now_ns, "on the ground")
         mode = flown_mode(s, self.parameters, now_ns)

@@ -1,6 +1,7 @@
 """The vehicle's face towards MAVLink: arming, modes, acks, texts, landing, commands."""
 
 import math
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
@@ -44,6 +45,34 @@ def test_home_position_and_prearm_health_alone_come_with_readiness() -> None:
     assert not any(m.onboard_control_sensors_enabled & bit for m in told)
     assert not told[0].onboard_control_sensors_health & bit
     assert told[-1].onboard_control_sensors_health & bit
+
+
+def _readiness_told(vehicle: VehicleInHand, message: Any = None) -> tuple[bool, int]:
+    """Prearm health and the heartbeat's system status, once a message came for a while."""
+    vehicle.run(1.2, message)
+    health = vehicle.received("SYS_STATUS")[-1].onboard_control_sensors_health
+    return (
+        bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK),
+        vehicle.received("HEARTBEAT")[-1].system_status,
+    )
+
+
+def test_in_offboard_on_the_ground_it_is_ready_to_arm_only_with_setpoints() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(2.0)
+    vehicle.set_mode(Mode.OFFBOARD)
+    assert _readiness_told(vehicle) == (False, 0)
+    assert _readiness_told(vehicle, setpoint()) == (True, 3)
+
+
+@pytest.mark.parametrize("mode", [Mode.POSITION, Mode.LAND])
+def test_in_a_mode_that_cannot_be_armed_it_is_not_ready_to_arm(mode: Mode) -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(2.0)
+    vehicle.set_mode(mode)
+    assert _readiness_told(vehicle) == (False, 0)
+    vehicle.set_mode(Mode.HOLD)
+    assert _readiness_told(vehicle) == (True, 3)
 
 
 def test_mode_changes_while_disarmed_are_always_accepted() -> None:
