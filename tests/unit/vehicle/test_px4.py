@@ -103,6 +103,16 @@ def test_position_mode_needs_sticks_once_armed() -> None:
     assert vehicle.mode is Mode.RETURN
 
 
+def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.run(0.1, sticks())
+    vehicle.set_mode(Mode.POSITION)
+    vehicle.px4.flight.estimate.valid = False
+    vehicle.run(1.0)  # sticks fall silent
+    assert vehicle.mode is Mode.LAND
+
+
 def test_sticks_fly_it_in_position_mode() -> None:
     vehicle = VehicleInHand()
     vehicle.take_off()
