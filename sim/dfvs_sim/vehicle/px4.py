@@ -153,7 +153,9 @@ class Px4:
         return [mavlink.MAVLink_ping_message(m.time_usec, m.seq, *source)]
 
     def _on_timesync(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        return [mavlink.MAVLink_timesync_message(now_ns, m.ts1)] if m.tc1 == 0 else []
+        if m.tc1 != 0:
+            return []
+        return [mavlink.MAVLink_timesync_message(now_ns - self.status.boot_ns, m.ts1)]
 
     # What the autopilot's other parts request
 

@@ -279,8 +279,10 @@ def test_ping_and_timesync_are_answered() -> None:
     vehicle = VehicleInHand()
     (pong,) = vehicle.send(mavlink.MAVLink_ping_message(77, 5, 0, 0))
     assert (pong.time_usec, pong.seq, pong.target_component) == (77, 5, 195)
+    vehicle.run(1.0)
     (sync,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123))
-    assert (sync.tc1, sync.ts1) == (START_NS, 123)
+    assert (sync.tc1, sync.ts1) == (vehicle.now_ns - START_NS, 123)  # the clock of all stamps
+    assert vehicle.received("ATTITUDE")[-1].time_boot_ms == pytest.approx(sync.tc1 / 1e6, abs=20)
 
 
 def test_home_is_where_it_was_armed() -> None:
