@@ -172,7 +172,7 @@ class GroundLink:
         """Send messages that are packed already, such as another ground station's."""
         with self._changed:
             if self._remote is not None:
-                with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+                with contextlib.suppress(OSError):  # also without a network, which may come back
                     self._socket.sendto(data, self._remote)
 
     def command(self, command: int, *params: float, timeout_s: float = 1.0) -> int:

@@ -46,6 +46,8 @@ class Endpoint:
         ConfigError
             If the address cannot be used.
         """
+        if not self.listens:
+            self._find_host()
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         if not self.listens:
             try:
@@ -63,3 +65,11 @@ class Endpoint:
                 "is another ground station running on this machine?",
             ) from error
         return sock
+
+    def _find_host(self) -> None:
+        try:
+            socket.getaddrinfo(self.host, self.port, socket.AF_INET, socket.SOCK_DGRAM)
+        except (OSError, UnicodeError) as error:
+            raise ConfigError(
+                f"no host {self.host!r} is known ({error})", "the address of the vehicle's machine"
+            ) from error

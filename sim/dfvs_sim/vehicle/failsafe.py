@@ -74,16 +74,21 @@ def flown_mode(status: Status, parameters: ParameterTable, now_ns: int) -> Mode 
         return Mode.LAND
     if refusal is Refusal.NO_SETPOINTS:
         return _after_setpoint_loss(status, parameters, now_ns)
-    return Mode.RETURN
+    return _return_or_land(status)
 
 
 def _after_setpoint_loss(status: Status, parameters: ParameterTable, now_ns: int) -> Mode | None:
-    """COM_OBL_RC_ACT's mode, or return-to-launch where that one needs sticks and has none."""
+    """COM_OBL_RC_ACT's mode, or what PX4 falls back to where that one cannot be flown."""
     action = int(parameters["COM_OBL_RC_ACT"])
     if action == DISARM_ACTION:
         return None
     mode = _OFFBOARD_LOSS.get(action, Mode.RETURN)
-    return Mode.RETURN if mode_refusal(mode, status, parameters, now_ns) else mode
+    return _return_or_land(status) if mode_refusal(mode, status, parameters, now_ns) else mode
+
+
+def _return_or_land(status: Status) -> Mode:
+    """Return to launch, or a landing without a position to return by."""
+    return Mode.RETURN if status.estimator_ok else Mode.LAND
 
 
 def should_disarm(status: Status, parameters: ParameterTable, now_ns: int) -> bool:

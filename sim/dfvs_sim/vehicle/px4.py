@@ -153,7 +153,9 @@ class Px4:
         return [mavlink.MAVLink_ping_message(m.time_usec, m.seq, *source)]
 
     def _on_timesync(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        return [mavlink.MAVLink_timesync_message(now_ns, m.ts1)] if m.tc1 == 0 else []
+        if m.tc1 != 0:
+            return []
+        return [mavlink.MAVLink_timesync_message(now_ns - self.status.boot_ns, m.ts1)]
 
     # What the autopilot's other parts request
 
@@ -178,6 +180,8 @@ class Px4:
             return refusal
         if self.status.mode is not Mode.TERMINATION or not self.status.armed:
             self.status.intended = mode
+            if not mode.prevents_arming:
+                self.status.after_disarming = mode
             self._supervise(now_ns)
         return None
 
@@ -195,12 +199,13 @@ class Px4:
         return None
 
     def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
-        """Disarm; in the air only by force."""
+        """Disarm, in the air only by force; selects the last mode that can be armed."""
         if self.status.armed and not self.status.landed and not force:
             self.send_text(Refusal.IN_AIR.value)
             return Refusal.IN_AIR
         if self.status.armed:
             self.status.armed = self.status.failsafe = False
+            self.status.intended = self.status.after_disarming
             self._journal_state(now_ns, f"disarmed: {cause}")
             self._supervise(now_ns)
         return None
@@ -224,6 +229,7 @@ class Px4:
             s.published_ns = now_ns
         s.ready = now_ns - s.boot_ns >= self.config.ready_after_s * NS_PER_S
         s.estimator_ok = self.flight.estimate.valid
+        s.can_arm = arming_refusal(s, self.parameters, now_ns) is None
         if s.armed and should_disarm(s, self.parameters, now_ns):
             self.disarm(now_ns, "on the ground")
         mode = flown_mode(s, self.parameters, now_ns)

@@ -32,15 +32,19 @@ class Status:
     """Mutable heart of the autopilot.
 
     ``intended`` is the mode that was asked for last; ``mode`` is the one that is flown and shown,
-    another one only while a failsafe acts. Times are monotonic ns.
+    another one only while a failsafe acts. Disarming selects ``after_disarming``, the last mode
+    asked for that can be armed. Times are monotonic ns.
     """
 
     boot_ns: int
     published_ns: int = 0
     """When the autopilot's parts were told of it last: at each change, and twice a second."""
     ready: bool = False
+    can_arm: bool = False
+    """Whether it could be armed in the mode asked for; checked ten times a second."""
     intended: Mode = Mode.HOLD
     mode: Mode = Mode.HOLD
+    after_disarming: Mode = Mode.HOLD
     failsafe: bool = False
     armed: bool = False
     armed_ns: int = 0
@@ -55,7 +59,7 @@ class Status:
     texts: list[str] = field(default_factory=list)
 
     def armable(self) -> bool:
-        """Whether the checks before arming pass."""
+        """Whether the checks before arming pass that hold for every mode."""
         return self.ready and self.estimator_ok
 
     def landed_state(self) -> Landed:
@@ -74,7 +78,7 @@ class Status:
             return SystemStatus.CRITICAL
         if self.armed:
             return SystemStatus.ACTIVE
-        return SystemStatus.STANDBY if self.armable() else SystemStatus.UNINIT
+        return SystemStatus.STANDBY if self.can_arm else SystemStatus.UNINIT
 
     def setpoints_live(self, now_ns: int, timeout_s: float) -> bool:
         """Whether a valid offboard setpoint came within the timeout."""

@@ -31,7 +31,8 @@ def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
             pilot.disarm()
         pilot.land()
         assert not pilot.armed()
-        pilot.prepare()  # the next flight begins in Land, which cannot be armed
+        pilot.set_mode(Mode.LAND)
+        pilot.prepare()  # Land cannot be armed
         assert pilot.mode() is Mode.HOLD
     assert vehicle.process.returncode == 0
 

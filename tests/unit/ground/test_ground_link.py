@@ -103,6 +103,14 @@ def test_a_vehicle_that_appears_later_does_not_disturb_the_one_that_is_flown(
         assert link.target == 7
 
 
+def test_a_link_whose_network_sends_nothing_goes_on() -> None:
+    with GroundLink("udpout://255.255.255.255:18570") as link:  # broadcasts are not permitted
+        link.send(text("lost"))
+        with Autopilot(7, link.port) as vehicle:
+            vehicle.beat()
+            link.wait_for_vehicle(20.0)
+
+
 @pytest.mark.parametrize(
     ("sent", "shown"),
     [

@@ -1,5 +1,7 @@
 """Connection URLs of the ground station's link."""
 
+import socket
+
 import pytest
 
 from dfvs_core.errors import ConfigError
@@ -27,6 +29,18 @@ def test_a_taken_port_is_an_error_that_names_it() -> None:
             Endpoint(listens=True, host="127.0.0.1", port=port).open()
     finally:
         first.close()
+
+
+@pytest.mark.parametrize("error", [socket.gaierror(-2, "unknown"), UnicodeError()])
+def test_a_host_that_is_not_found_is_an_error_that_names_it(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def getaddrinfo(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+    with pytest.raises(ConfigError, match=r"no host 'a\.\.b'"):
+        Endpoint(listens=False, host="a..b", port=18570).open()
 
 
 def test_a_link_to_the_vehicle_sends_from_one_port_and_from_another_where_that_is_taken() -> None:

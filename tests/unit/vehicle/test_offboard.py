@@ -121,6 +121,16 @@ def test_loss_actions_by_stick_need_sticks(action: int, mode: Mode) -> None:
     assert vehicle.mode is mode
 
 
+@pytest.mark.parametrize("action", [0, 3, 4, 5])
+def test_without_a_position_the_loss_of_setpoints_ends_in_a_landing(action: int) -> None:
+    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
+    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle.px4.flight.estimate.valid = False
+    vehicle.run(0.2, setpoint())
+    assert vehicle.mode is Mode.LAND
+    assert not vehicle.leaves_mode_within(Mode.LAND, 1.5)  # the service is silent meanwhile
+
+
 def test_loss_action_7_disarms_in_the_air() -> None:
     vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": 7})
     vehicle.fly_offboard(setpoint(), 1.0)

@@ -1,6 +1,7 @@
 """The vehicle's face towards MAVLink: arming, modes, acks, texts, landing, commands."""
 
 import math
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
@@ -46,6 +47,34 @@ def test_home_position_and_prearm_health_alone_come_with_readiness() -> None:
     assert told[-1].onboard_control_sensors_health & bit
 
 
+def _readiness_told(vehicle: VehicleInHand, message: Any = None) -> tuple[bool, int]:
+    """Prearm health and the heartbeat's system status, once a message came for a while."""
+    vehicle.run(1.2, message)
+    health = vehicle.received("SYS_STATUS")[-1].onboard_control_sensors_health
+    return (
+        bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK),
+        vehicle.received("HEARTBEAT")[-1].system_status,
+    )
+
+
+def test_in_offboard_on_the_ground_it_is_ready_to_arm_only_with_setpoints() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(2.0)
+    vehicle.set_mode(Mode.OFFBOARD)
+    assert _readiness_told(vehicle) == (False, 0)
+    assert _readiness_told(vehicle, setpoint()) == (True, 3)
+
+
+@pytest.mark.parametrize("mode", [Mode.POSITION, Mode.LAND])
+def test_in_a_mode_that_cannot_be_armed_it_is_not_ready_to_arm(mode: Mode) -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(2.0)
+    vehicle.set_mode(mode)
+    assert _readiness_told(vehicle) == (False, 0)
+    vehicle.set_mode(Mode.HOLD)
+    assert _readiness_told(vehicle) == (True, 3)
+
+
 def test_mode_changes_while_disarmed_are_always_accepted() -> None:
     vehicle = VehicleInHand()
     vehicle.run(6.0)
@@ -72,6 +101,16 @@ def test_position_mode_needs_sticks_once_armed() -> None:
     assert vehicle.mode is Mode.POSITION
     vehicle.run(1.0)  # sticks fall silent
     assert vehicle.mode is Mode.RETURN
+
+
+def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.run(0.1, sticks())
+    vehicle.set_mode(Mode.POSITION)
+    vehicle.px4.flight.estimate.valid = False
+    vehicle.run(1.0)  # sticks fall silent
+    assert vehicle.mode is Mode.LAND
 
 
 def test_sticks_fly_it_in_position_mode() -> None:
@@ -156,6 +195,26 @@ def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
     assert 2.0 <= wait_s <= 3.0
 
 
+def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.command(LAND)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
+    assert vehicle.mode is Mode.HOLD
+    assert vehicle.command(ARM, 1.0) == [0]
+
+
+def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -> None:
+    vehicle = VehicleInHand()
+    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle.command(LAND)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
+    assert vehicle.mode is Mode.OFFBOARD
+    assert vehicle.command(ARM, 1.0) == [1]
+    vehicle.set_mode(Mode.HOLD)
+    assert vehicle.command(ARM, 1.0) == [0]
+
+
 def test_return_flies_home_and_lands_there() -> None:
     vehicle = VehicleInHand()
     vehicle.fly_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
@@ -220,8 +279,10 @@ def test_ping_and_timesync_are_answered() -> None:
     vehicle = VehicleInHand()
     (pong,) = vehicle.send(mavlink.MAVLink_ping_message(77, 5, 0, 0))
     assert (pong.time_usec, pong.seq, pong.target_component) == (77, 5, 195)
+    vehicle.run(1.0)
     (sync,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123))
-    assert (sync.tc1, sync.ts1) == (START_NS, 123)
+    assert (sync.tc1, sync.ts1) == (vehicle.now_ns - START_NS, 123)  # the clock of all stamps
+    assert vehicle.received("ATTITUDE")[-1].time_boot_ms == pytest.approx(sync.tc1 / 1e6, abs=20)
 
 
 def test_home_is_where_it_was_armed() -> None:

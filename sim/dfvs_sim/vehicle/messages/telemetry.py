@@ -181,7 +181,7 @@ class Telemetry:
         if not s.estimator_ok:
             health &= ~(_GPS | _POSITION)
         # PX4 sets this bit in the health alone, and by the present mode.
-        if s.armable() and not s.intended.prevents_arming:
+        if s.can_arm:
             health |= _PREARM
         return mavlink.MAVLink_sys_status_message(
             _SENSORS,
