@@ -86,7 +86,12 @@ class MockCamera:
         period_ns = round(1e9 / self._config.rate_hz)
         due_ns = time.monotonic_ns()
         while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
-            self.capture(time.monotonic_ns() + self._lead_ns)
+            try:
+                self.capture(time.monotonic_ns() + self._lead_ns)
+            except zenoh.ZError:
+                if not stop.is_set():
+                    raise
+                return  # the session was closed while an image was rendered
             due_ns = max(due_ns + period_ns, time.monotonic_ns())
 
     def capture(self, t_ns: int) -> None:

@@ -1,11 +1,13 @@
 """When the mock camera's pictures are of, and when they are published."""
 
+import contextlib
 import threading
 import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import zenoh
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat, decode_header
@@ -65,3 +67,20 @@ def test_the_camera_is_quick_again_when_the_machine_is():
     MockCamera(config, renderer, pose, lambda *_: None).run(stop)
     assert max(leads_ns) > 0.4 * RENDER_S * 1e9
     assert np.median(leads_ns[-5:]) < 0.2 * RENDER_S * 1e9
+
+
+@pytest.mark.parametrize("is_told_to_end", [True, False])
+def test_a_session_that_is_closed_matters_only_while_the_camera_runs(is_told_to_end):
+    stop = threading.Event()
+
+    def publish(*_):
+        if is_told_to_end:
+            stop.set()
+        raise zenoh.ZError("session closed")
+
+    config = MockCameraConfig(CAMERA, rate_hz=100.0, pixel_format=PixelFormat.RGB8)
+    camera = MockCamera(config, SlowRenderer(slow=0), lambda _: np.eye(4), publish)
+    expected = contextlib.nullcontext() if is_told_to_end else pytest.raises(zenoh.ZError)
+    with expected:
+        camera.run(stop)
+    assert camera.frames == 0
