@@ -1,28 +1,13 @@
 """Failures of threads, as the gate process takes them: shown, logged, and a reason not to fly."""
 
 import contextlib
-import os
 import signal
 import socket
 
-import pytest
-
 from dfvs_core.messages.link import GateStatus, from_datagram
-from dfvs_service.gate.process import GateProcess, SilentLink, start_autopilot
-from dfvs_service.settings.config import load_config
-from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.gate.process import SilentLink, start_autopilot
 
 FAULT = "the thread 'telemetry' failed"
-
-
-@pytest.fixture
-def gate(tmp_path):
-    read, write = os.pipe()
-    gate = GateProcess(load_config(None, {}), RuntimeFolder(tmp_path), None, read)
-    yield gate
-    gate.close()
-    os.close(read)
-    os.close(write)
 
 
 def run_to_the_end(gate):

@@ -7,15 +7,13 @@ import pytest
 
 from dfvs_core.gate.states import GateState
 from dfvs_service.gate.autopilot import Autopilot
-from dfvs_service.gate.process import GateProcess, SilentLink
+from dfvs_service.gate.process import SilentLink
 from dfvs_service.gate.serial_device import (
     SerialDevice,
     SerialDeviceError,
     serial_path,
     wait_for_device,
 )
-from dfvs_service.settings.config import load_config
-from dfvs_service.settings.runtime import RuntimeFolder
 
 LOSS = SerialDeviceError("the serial device /dev/ttyACM0 was lost")
 
@@ -106,16 +104,6 @@ def test_the_autopilots_connection_tells_a_missing_device(tmp_path):
     autopilot = Autopilot(lambda _event: None, lambda *_: None)
     with pytest.raises(SerialDeviceError, match="no serial device"):
         autopilot.connect(f"serial://{tmp_path}/none:57600", 0.0)
-
-
-@pytest.fixture
-def gate(tmp_path):
-    read, write = os.pipe()
-    gate = GateProcess(load_config(None, {}), RuntimeFolder(tmp_path), None, read)
-    yield gate
-    gate.close()
-    os.close(read)
-    os.close(write)
 
 
 def test_a_gate_on_the_ground_ends_with_the_loss_of_its_device(gate):

@@ -1,18 +1,13 @@
 """How long a start may take, until it is said what is missing."""
 
-import os
-
 import pytest
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.states import GateState
 from dfvs_core.messages.link import to_datagram
-from dfvs_service.gate.process import GateProcess
 from dfvs_service.gate.startup import StartupWatch
 from dfvs_service.perception.frame_processor import unhealthy_report
-from dfvs_service.settings.config import load_config
-from dfvs_service.settings.runtime import RuntimeFolder
 
 MINUTE_NS = 60 * S
 
@@ -43,9 +38,7 @@ def test_a_perception_that_never_reports_ends_the_service_without_blaming_the_ca
     assert "camera" not in error
 
 
-def test_the_gate_counts_from_the_first_report_that_reaches_it(tmp_path):
-    read, write = os.pipe()
-    gate = GateProcess(load_config(None, {}), RuntimeFolder(tmp_path), None, read)
+def test_the_gate_counts_from_the_first_report_that_reaches_it(gate):
     gate._machine.state = GateState.PREFLIGHT
     assert gate._ending(0) is None
     assert gate._ending(MINUTE_NS) is None
@@ -54,6 +47,3 @@ def test_the_gate_counts_from_the_first_report_that_reaches_it(tmp_path):
     assert gate._ending(MINUTE_NS + 14 * S) is None
     with pytest.raises(DfvsError, match="no camera frame within 15 s"):
         gate._ending(MINUTE_NS + 15 * S)
-    gate.close()
-    os.close(read)
-    os.close(write)
