@@ -62,14 +62,14 @@ def test_depth_is_not_learnt_while_the_vehicle_drifts_and_believes_to_stand_stil
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_right_mounting_is_never_called_wrong_however_the_odometry_errs(seed):
-    """At a hover that sways, on setting out, and while nothing tilts."""
-    swaying, setting_out, at_rest = (BoxFlight(FAR_M, seed=seed) for _ in range(3))
+    """At a hover that sways, when the vehicle begins to move, and while nothing tilts."""
+    swaying, departing, at_rest = (BoxFlight(FAR_M, seed=seed) for _ in range(3))
     sway = lasting(seed + 50, 6.0, deviation=0.03, time_s=1.0)
     for k, error in enumerate(errors(seed, 6.0)):
         swaying.step(sway[k], error)
-        setting_out.step((0.1, 0.0, 0.0) if k * STATE_S > 1.0 else NOWHERE, error)
+        departing.step((0.1, 0.0, 0.0) if k * STATE_S > 1.0 else NOWHERE, error)
         at_rest.step(NOWHERE, error)
-    for flight, at_last in [(swaying, 5.0), (setting_out, -4.0)]:
+    for flight, at_last in [(swaying, 5.0), (departing, -4.0)]:
         scores = [look.outcome.report.mounting_score for look in flight.looks]
         assert min(score for score in scores if score is not None) > -4.0
         assert scores[-1] > at_last
