@@ -267,7 +267,7 @@ def restructured(
     x, P = estimate.x.copy(), estimate.P.copy()
     x[_P] = after + math.exp(stretch) * (x[_P] - before)
     if P[_S, _S] > 0.0:
-        stretch *= min(P[_S, _S] / model.scale_spread**2, 1.0)
+        stretch *= P[_S, _S] / max(P[_S, _S], model.scale_spread**2)
         x[_S] -= stretch
         P[_S, _S] += stretch**2
     return replace(estimate, x=x, P=P)
