@@ -36,7 +36,7 @@ def compressed_message(data, kind="jpeg", stamp_ns=STAMP_NS):
     )
 
 
-def info_message(size, k, d=(), model="plumb_bob", **changes):
+def info_message(size, k, d=(), model="plumb_bob", p=(0.0,) * 12, **changes):
     types = typestore().types
     Roi = types["sensor_msgs/msg/RegionOfInterest"]
     fields = {"binning_x": 0, "binning_y": 0, "roi": Roi(0, 0, 0, 0, False), **changes}
@@ -48,7 +48,7 @@ def info_message(size, k, d=(), model="plumb_bob", **changes):
         np.array(d, np.float64),
         np.array(k, np.float64),
         np.eye(3).reshape(-1),
-        np.zeros(12),
+        np.array(p, np.float64),
         **fields,
     )
     return encode(CAMERA_INFO, info)

@@ -10,8 +10,11 @@ _PIXEL_CENTRE = 0.5
 _LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "": (0,)}
 
 
-def camera_of(info: Any) -> CameraModel | None:
-    """Camera that a CameraInfo describes, None where it is not calibrated (K is zero).
+def camera_of(info: Any, is_rectified: bool) -> CameraModel | None:
+    """Camera that a CameraInfo describes, None where it is not calibrated (K or P is zero).
+
+    A rectified image is that of the projection matrix P and has no distortion any more; a raw one
+    is that of K and D.
 
     Raises
     ------
@@ -20,8 +23,9 @@ def camera_of(info: Any) -> CameraModel | None:
     GeometryError
         If its numbers are no camera's.
     """
-    k = [float(value) for value in info.k]
-    if k[0] == 0.0:
+    matrix = info.p.reshape(3, 4) if is_rectified else info.k.reshape(3, 3)
+    (fx, _, cx), (_, fy, cy) = matrix[:2, :3].tolist()
+    if fx == 0.0:
         return None
     roi = info.roi
     if max(info.binning_x, info.binning_y) > 1 or any((roi.x_offset, roi.y_offset)):
@@ -30,21 +34,24 @@ def camera_of(info: Any) -> CameraModel | None:
             f"({roi.x_offset}, {roi.y_offset}) px",
             "the whole image at full resolution",
         )
+    return CameraModel(
+        width=int(info.width),
+        height=int(info.height),
+        fx=fx,
+        fy=fy,
+        cx=cx + _PIXEL_CENTRE,
+        cy=cy + _PIXEL_CENTRE,
+        distortion=() if is_rectified else _distortion(info),
+    )
+
+
+def _distortion(info: Any) -> tuple[float, ...]:
     model, distortion = info.distortion_model, tuple(float(value) for value in info.d)
     if model not in _LENGTHS or len(distortion) not in _LENGTHS[model]:
         raise WireError(
             f"CameraInfo with {len(distortion)} coefficients of {model!r}",
             "plumb_bob or rational_polynomial",
-            "set the intrinsics in the settings' [camera] section",
+            "take the rectified image (image_rect), or set the intrinsics in the settings' "
+            "[camera] section",
         )
-    if not any(distortion):
-        distortion = ()
-    return CameraModel(
-        width=int(info.width),
-        height=int(info.height),
-        fx=k[0],
-        fy=k[4],
-        cx=k[2] + _PIXEL_CENTRE,
-        cy=k[5] + _PIXEL_CENTRE,
-        distortion=distortion,
-    )
+    return distortion if any(distortion) else ()

@@ -28,6 +28,8 @@ from dfvs_service.settings.camera_section import Ros2CameraSection
 MS = 1_000_000
 CLOCK_STEP_NS = 10 * MS
 """The system clock is slewed by far less than this between two frames."""
+_RECTIFIED = "image_rect"
+"""How the names of rectified images begin (image_proc, stereo_image_proc)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,9 @@ class Ros2FrameSource:
         self._wall_clock = WallClock()
         self._count = 0
         image = Ros2Topic(section.topic, self._type_name, section.domain)
-        info_name = section.info_topic or _beside(image.plain)
+        *namespace, name = image.plain.removesuffix("/compressed").split("/")
+        self._is_rectified = name.startswith(_RECTIFIED)
+        info_name = section.info_topic or "/".join([*namespace, "camera_info"])
         self.key = image.key(link)
         self.calibration_key = Ros2Topic(info_name, CAMERA_INFO, section.domain).key(link)
 
@@ -111,7 +115,7 @@ class Ros2FrameSource:
         DfvsError
             If the bytes are no CameraInfo, or describe a camera that our model cannot hold.
         """
-        return camera_of(decode(CAMERA_INFO, payload))
+        return camera_of(decode(CAMERA_INFO, payload), self._is_rectified)
 
     def translate(self, sample: RawSample) -> RawSample:
         """Sample in our own wire format.
@@ -151,9 +155,3 @@ class Ros2FrameSource:
             checksum=zlib.crc32(pixels.payload),
             clock=self._clock,
         )
-
-
-def _beside(image_topic: str) -> str:
-    """Where drivers publish CameraInfo: ``camera/image_raw[/compressed]`` has it in ``camera``."""
-    parts = image_topic.removesuffix("/compressed").split("/")
-    return "/".join([*parts[:-1], "camera_info"])

@@ -24,9 +24,9 @@ WIDTH, HEIGHT = 20, 18
 class Rig:
     """An intake with its clocks in hand."""
 
-    def __init__(self, *, compressed=False, link="rmw"):
+    def __init__(self, *, compressed=False, link="rmw", topic="drone1/camera/image_raw"):
         self.now = NOW
-        section = Ros2CameraSection(topic="drone1/camera/image_raw", compressed=compressed)
+        section = Ros2CameraSection(topic=topic, compressed=compressed)
         self.intake = Ros2FrameSource(link, section, CLOCK, lambda: self.now)
 
     def frame(self, payload, attachment=b""):
@@ -220,6 +220,16 @@ def test_camera_info_becomes_a_camera_with_our_pixel_centres():
 
 def test_a_camera_info_that_is_not_calibrated_is_none():
     assert Rig().intake.camera(info_message((640, 480), [0.0] * 9)) is None
+
+
+@pytest.mark.parametrize("name", ["image_rect", "image_rect_color", "image_rect/compressed"])
+def test_a_rectified_image_is_that_of_the_projection_matrix_without_distortion(name):
+    P = [400.0, 0.0, 299.5, 0.0, 0.0, 410.0, 229.5, 0.0, 0.0, 0.0, 1.0, 0.0]
+    info = info_message((640, 480), K, (0.1, -0.2, 0.01, 0.02), "equidistant", P)
+    intake = Rig(link="bridge", topic=f"drone1/camera/{name}").intake
+    assert intake.calibration_key == "drone1/camera/camera_info"
+    assert intake.camera(info) == CameraModel(640, 480, 400.0, 410.0, 300.0, 230.0)
+    assert intake.camera(info_message((640, 480), K)) is None
 
 
 @pytest.mark.parametrize(
