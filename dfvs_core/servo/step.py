@@ -29,7 +29,7 @@ from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.structure.relative_depth import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
-from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
+from dfvs_core.servo.velocity import saturate, velocity_for
 
 _NOISE_FACTOR = 10.0
 _GO_ON = 0.5
@@ -275,8 +275,6 @@ def _velocity(
     """
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
-    config = task.config
-    gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
     error = velocity_error(task, estimate)
-    wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, gain)
+    wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, task.config)
     return saturate(wanted - error, task.limits)
