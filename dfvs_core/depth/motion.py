@@ -21,6 +21,10 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import weighted_median
 
+_PRIOR_SPREAD = 0.5
+"""Relative standard deviation of inverse depth around its median in a scene."""
+_NEAR, _FAR = 0.3, 30.0
+"""Bounds of the depth given out, in units."""
 _NEAREST = 0.02
 """Depth in units below which a point is taken for one at that depth."""
 
@@ -35,22 +39,15 @@ class MotionDepth:
     ----------
     prior : float
         Depth before anything was measured, in units.
-    prior_spread : float
-        Relative standard deviation of inverse depth around its median in a scene.
     pixel_noise : float
         Standard deviation of a correspondence, normalised units (about 0.5 px / f).
     least_spread : float
         Relative standard deviation of inverse depth that no number of measurements undercuts.
-    near, far : float
-        Bounds of the depth given out, in units.
     """
 
     prior: float = 3.0
-    prior_spread: float = 0.5
     pixel_noise: float = 0.0025
     least_spread: float = 0.02
-    near: float = 0.3
-    far: float = 30.0
 
     def estimate(
         self, inputs: DepthInputs, state: DepthState | None
@@ -75,7 +72,7 @@ class MotionDepth:
         """Memory of a goal whose view is new, from the depth of the current grid."""
         trust = np.clip(depth.validity.astype(np.float64), 1e-3, 1.0 - 1e-3)
         rho = 1.0 / depth.z_m.astype(np.float64)
-        variance = (self.prior_spread * rho) ** 2 * (1.0 - trust) / trust
+        variance = (_PRIOR_SPREAD * rho) ** 2 * (1.0 - trust) / trust
         variance = np.where(depth.measured, variance, UNKNOWN_VARIANCE)
         cells, means, variances = _in_goal_view(xy, (rho, variance), link)
         return self._fuse(self._memory(link, None), cells, means, variances)
@@ -151,10 +148,10 @@ class MotionDepth:
         median = 1.0 / self.prior
         if known.any():
             median = weighted_median(rho[known], np.sqrt(information[known]))
-        spread_sq = (self.prior_spread * median) ** 2
+        spread_sq = (_PRIOR_SPREAD * median) ** 2
         trust = spread_sq / (spread_sq + variance)
         filled = trust * rho + (1.0 - trust) * median
-        z = 1.0 / np.clip(filled, 1.0 / self.far, 1.0 / self.near)
+        z = 1.0 / np.clip(filled, 1.0 / _FAR, 1.0 / _NEAR)
         return DepthMap(z.astype(np.float32), trust.astype(np.float32))
 
 
