@@ -25,6 +25,8 @@ _MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3
 _CONVERGED = 1e-4
 """Step, m or rad, that changes nothing any more."""
+_LONGEST_STEP = 0.7
+"""Most that one step may change a component by, m or rad."""
 _EXPLAINED = 10.0
 """Error, in the correspondences' expected noise, from which on a point does not support a pose."""
 
@@ -183,7 +185,7 @@ class _DepthNoise:
         return vectors - self.shrinkage[:, :, None] * product[:, None, :]
 
 
-def _bounded(step: FloatArray, most: float = 0.7) -> FloatArray:
+def _bounded(step: FloatArray) -> FloatArray:
     """Keep one Gauss-Newton step inside the range where the linear model holds."""
     longest = float(np.abs(step).max())
-    return step if longest <= most else step * (most / longest)
+    return step if longest <= _LONGEST_STEP else step * (_LONGEST_STEP / longest)
