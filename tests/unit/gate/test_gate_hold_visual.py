@@ -14,6 +14,7 @@ from dfvs_core.gate.states import Cause, GateState
 GOAL = "ab" * 32
 CONFIG = auto_config(on_done=OnDone.HOLD_VISUAL)
 NO_CHECK = dataclasses.replace(CONFIG, timing=GateTiming(response_ns=0))
+ZEROS = dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO)
 
 
 def at_goal(config=NO_CHECK, **changes):
@@ -54,12 +55,6 @@ def test_velocity_is_limited_and_slewed_as_in_servo():
     steps = [b - a for a, b in itertools.pairwise(speeds)]
     assert max(steps) <= 0.5 * 0.02 + 1e-9
     assert gate.setpoints[-1][1].forward_m_s == pytest.approx(0.5)
-
-
-def test_without_hold_visual_done_sends_zeros():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO)).forget().run(1.0)
-    assert gate.setpoints
-    assert not gate.moved()
 
 
 # --- data that are not good -----------------------------------------------------------------
@@ -110,7 +105,7 @@ def test_a_lost_goal_aborts():
 
 
 def test_a_goal_lost_where_zeros_are_sent_changes_nothing():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO))
+    gate = at_goal(ZEROS)
     gate.send([gate.report(healthy=False, lost=True, reason="wrong goal")])
     assert gate.state is GateState.DONE
 
@@ -183,7 +178,7 @@ def test_the_operator_holds_at_the_goal_and_engages_again():
 
 
 def test_an_order_to_hold_where_zeros_are_sent_changes_nothing():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO))
+    gate = at_goal(ZEROS)
     gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     assert gate.state is GateState.DONE
     gate.follows_goal = True

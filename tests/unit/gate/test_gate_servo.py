@@ -21,6 +21,7 @@ from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
 NO_CHECK = auto_config(timing=GateTiming(response_ns=0))
+HANDS_OVER = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
 
 
 def flying(config=NO_CHECK, **changes):
@@ -63,32 +64,34 @@ def test_zero_follows_within_300_ms_of_the_last_good_frame():
 
 
 @pytest.mark.parametrize(
-    ("changes", "cause"),
+    ("changes", "reason"),
     [
-        ({"healthy": False, "reason": "black"}, Cause.REPORT_UNHEALTHY),
-        ({"velocity": (math.nan, 0.0, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, math.inf, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, 11.0, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, 0.0, 0.0, -11.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.1, 0.1)}, Cause.REPORT_REJECTED),
-        ({"error_m": math.nan}, Cause.REPORT_REJECTED),
-        ({"error_m": -0.1}, Cause.REPORT_REJECTED),
-        ({"error_rad": -0.1}, Cause.REPORT_REJECTED),
-        ({"overlap": 1.1}, Cause.REPORT_REJECTED),
-        ({"overlap": -0.1}, Cause.REPORT_REJECTED),
-        ({"feature_error": math.nan}, Cause.REPORT_REJECTED),
-        ({"feature_error": math.inf}, Cause.REPORT_REJECTED),
-        ({"feature_error": -1.0}, Cause.REPORT_REJECTED),
-        ({"mounting_score": math.nan}, Cause.REPORT_REJECTED),
-        ({"mounting_score": -math.inf}, Cause.REPORT_REJECTED),
+        ({"healthy": False, "reason": "black"}, "perception unhealthy: black"),
+        ({"velocity": (math.nan, 0.0, 0.0, 0.0)}, "report rejected: numbers that are not finite"),
+        ({"velocity": (0.0, math.inf, 0.0, 0.0)}, "report rejected: numbers that are not finite"),
+        ({"velocity": (0.0, 11.0, 0.0, 0.0)}, "report rejected: speed over 10 m/s"),
+        ({"velocity": (0.0, 0.0, 0.0, -11.0)}, "report rejected: yaw rate over 10 rad/s"),
+        ({"velocity": (0.1, 0.1)}, "report rejected: numbers that are not finite"),
+        ({"error_m": math.nan}, "report rejected: numbers that are not finite"),
+        ({"error_m": -0.1}, "report rejected: error or overlap out of range"),
+        ({"error_rad": math.nan}, "report rejected: numbers that are not finite"),
+        ({"error_rad": -0.1}, "report rejected: error or overlap out of range"),
+        ({"overlap": 1.1}, "report rejected: error or overlap out of range"),
+        ({"overlap": -0.1}, "report rejected: error or overlap out of range"),
+        ({"feature_error": math.nan}, "report rejected: feature error out of range"),
+        ({"feature_error": math.inf}, "report rejected: feature error out of range"),
+        ({"feature_error": -0.1}, "report rejected: feature error out of range"),
+        ({"mounting_score": math.nan}, "report rejected: mounting score out of range"),
+        ({"mounting_score": math.inf}, "report rejected: mounting score out of range"),
+        ({"mounting_score": -math.inf}, "report rejected: mounting score out of range"),
     ],
 )
-def test_a_bad_report_stops_in_the_same_step(changes, cause):
+def test_a_bad_report_stops_in_the_same_step(changes, reason):
     gate = flying()
     gate.now_ns += 5 * MS
     output = gate.send([gate.report(**changes)])
     assert output.setpoint == ZERO
-    assert (gate.state, gate.last.cause) == (GateState.HOLD, cause)
+    assert (gate.state, gate.last.reason) == (GateState.HOLD, reason)
 
 
 def test_a_report_of_the_future_stops():
@@ -122,12 +125,13 @@ def test_a_datagram_that_is_no_report_stops():
     assert gate.last.reason == gate.machine.reason == "report rejected: not JSON"
 
 
-def test_a_gate_that_stalled_stops():
+@pytest.mark.parametrize(("late_ns", "stalled"), [(0, False), (1, True)])
+def test_a_gate_that_stalled_stops(late_ns, stalled):
     gate = flying()
-    gate.now_ns += 151 * MS
+    gate.now_ns += 150 * MS + late_ns
     output = gate.send([])
-    assert output.setpoint == ZERO
-    assert gate.last.cause is Cause.GATE_STALLED
+    assert gate.state is (GateState.HOLD if stalled else GateState.SERVO)
+    assert (output.setpoint == ZERO) is stalled
 
 
 def test_a_good_report_right_after_a_fault_does_not_undo_it():
@@ -152,7 +156,7 @@ def test_after_a_second_of_good_data_hold_moves_again_from_zero():
     gate.send([gate.report(healthy=False)])
     hold_ns = gate.now_ns
     gate.forget().until(GateState.SERVO)
-    assert gate.now_ns - hold_ns >= 1 * S
+    assert gate.now_ns - hold_ns == 1 * S + TICK_NS  # the first good report comes a tick later
     assert gate.last.cause is Cause.DATA_GOOD
     assert [v for t, v in gate.setpoints if t < gate.now_ns] == [ZERO] * (len(gate.setpoints) - 1)
     assert gate.setpoints[-1][1].speed_m_s <= 0.5 * 0.02 + 1e-9
@@ -173,7 +177,7 @@ def test_hold_over_three_seconds_aborts():
     gate.until(GateState.HOLD)
     start_ns = gate.now_ns
     gate.until(GateState.ABORT)
-    assert 3 * S <= gate.now_ns - start_ns <= 3 * S + 40 * MS
+    assert gate.now_ns - start_ns == 3 * S + TICK_NS
     assert gate.last.reason == "held too long: last good frame too old: 260 ms"
 
 
@@ -247,8 +251,7 @@ def test_done_streams_zeros_for_ever():
 
 
 def test_done_can_hand_over_to_the_autopilots_hold():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes = {"reached": True}
     gate.until(GateState.DONE)
     assert gate.requests[-1][1] is ModeRequest.HOLD
@@ -263,8 +266,7 @@ def test_done_can_hand_over_to_the_autopilots_hold():
 
 def test_a_hold_that_is_not_confirmed_is_asked_for_once_more_and_left_to_the_autopilot():
     """A request may be lost, or refused: PX4 needs a global position for Hold."""
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE).forget()
     gate.run(2.0)
@@ -279,8 +281,7 @@ def test_a_hold_that_is_not_confirmed_is_asked_for_once_more_and_left_to_the_aut
 
 
 def test_another_mode_than_the_awaited_hold_is_a_takeover():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE)
     gate.beat(mode=VehicleMode.POSITION)
@@ -379,7 +380,7 @@ def test_abort_asks_for_hold_once_and_then_falls_silent():
     start_ns = gate.now_ns
     gate.run(10.0)
     assert len(gate.requests) == 1
-    assert gate.setpoints[-1][0] - start_ns <= 1500 * MS
+    assert gate.setpoints[-1][0] - start_ns == 1500 * MS
     assert not gate.moved()
     assert gate.machine.is_finished
 
