@@ -52,20 +52,6 @@ def test_an_estimate_that_the_autopilot_calls_invalid_is_refused():
     assert "no attitude" in gate.machine.reason
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"healthy": False, "reason": "too dark"}, "too dark"),
-        ({"overlap": 0.08}, "overlap 8%, 9% needed"),
-        ({"healthy": False, "lost": True, "reason": "wrong goal"}, "goal lost"),
-    ],
-)
-def test_a_view_that_does_not_fit_is_refused(changes, reason):
-    gate = Rehearsal(pilot_config(), changes=changes).run(5.0)
-    assert gate.state is GateState.PREFLIGHT
-    assert reason in gate.machine.reason
-
-
 def test_no_frames_are_refused_with_perceptions_own_reason():
     gate = Rehearsal(pilot_config())
     gate.sees = False
