@@ -7,6 +7,7 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.camera import homogeneous
 
 _LEAST_FORWARD = 0.1
 _MEMORY = 0.5
@@ -69,6 +70,6 @@ def _remembered(z_m: FloatArray | Float32Array) -> DepthState:
 
 def _turned(xy: FloatArray, R: FloatArray) -> FloatArray:
     """Where points xy (h, w, 2) would be seen if the camera had turned by R (3, 3) alone."""
-    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2) @ R.T
+    rays = homogeneous(xy) @ R.T
     turned: FloatArray = rays[..., :2] / np.maximum(rays[..., 2:], _LEAST_FORWARD)
     return turned

@@ -18,6 +18,7 @@ from dfvs_core.depth.source import (
     GoalLink,
 )
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import weighted_median
 
@@ -94,9 +95,8 @@ class MotionDepth:
         seen = link.cell >= 0
         cell = np.where(seen, link.cell, 0)
         rho_goal, variance_goal = state.rho.ravel()[cell], state.variance.ravel()[cell]
-        rays = np.concatenate([link.xy_goal, np.ones((*shape, 1))], axis=2)
         T = link.T_current_goal
-        z = ((rays / rho_goal[..., None]) @ T[2, :3]) + T[2, 3]
+        z = (homogeneous(link.xy_goal) / rho_goal[..., None]) @ T[2, :3] + T[2, 3]
         rho = 1.0 / np.maximum(z, _NEAREST)
         variance = variance_goal * (rho / rho_goal) ** 4
         unknown = ~seen | (variance_goal >= 0.5 * UNKNOWN_VARIANCE)
@@ -110,7 +110,7 @@ class MotionDepth:
         are linear in rho: ``(t_xy - q t_z) rho = q (R r)_z - (R r)_xy``, q the earlier pixel.
         """
         R, t = earlier.T_earlier_current[:3, :3], earlier.T_earlier_current[:3, 3]
-        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2) @ R.T
+        rays = homogeneous(xy) @ R.T
         q = earlier.xy
         a = t[:2] - q * t[2]
         b = q * rays[..., 2:3] - rays[..., :2]
@@ -164,9 +164,8 @@ def _in_goal_view(
     """
     rho, variance = measured
     good = (link.cell >= 0) & (variance < 0.5 * UNKNOWN_VARIANCE) & (rho > 0.0)
-    rays = np.column_stack([xy[good], np.ones(np.count_nonzero(good))])
     T = invert_pose(link.T_current_goal)
-    z = (rays / rho[good][:, None]) @ T[2, :3] + T[2, 3]
+    z = (homogeneous(xy[good]) / rho[good][:, None]) @ T[2, :3] + T[2, 3]
     ahead = z > _NEAREST
     rho_goal = 1.0 / z[ahead]
     variance_goal = variance[good][ahead] * (rho_goal / rho[good][ahead]) ** 4

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
@@ -87,8 +88,7 @@ def estimate_goal_pose(
     iterations : int
         At most so many Gauss-Newton steps; most frames need three to five.
     """
-    rays = np.column_stack([points.xy, np.ones(len(points.xy))])
-    P = rays * points.z_m[:, None]
+    P = homogeneous(points.xy) * points.z_m[:, None]
     T = np.eye(4) if T_guess is None else T_guess
     for _ in range(iterations):
         seen = Reprojection.of(T, P, points, noise.least)

@@ -8,6 +8,7 @@ from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth, GoalLink
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import make_pose, so3_exp
 
 GRID = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 12), np.linspace(-0.5, 0.5, 9)), axis=-1)
@@ -16,7 +17,7 @@ GRID = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 12), np.linspace(-0.5, 0.5, 9
 def earlier_view(z, translation, rotation=(0.0, 0.0, 0.0), noise=None, confidence=1.0):
     """Exact correspondences of a scene with depth z on the grid."""
     T = make_pose(so3_exp(np.array(rotation)), np.array(translation))
-    P = np.concatenate([GRID, np.ones((*GRID.shape[:2], 1))], axis=2) * z[..., None]
+    P = homogeneous(GRID) * z[..., None]
     Q = P @ T[:3, :3].T + T[:3, 3]
     xy = Q[..., :2] / Q[..., 2:]
     if noise is not None:
@@ -27,7 +28,7 @@ def earlier_view(z, translation, rotation=(0.0, 0.0, 0.0), noise=None, confidenc
 def link(z, T_current_goal=None):
     """Every point of the grid is seen in a cell of its own of the goal view."""
     T = np.eye(4) if T_current_goal is None else T_current_goal
-    P = np.concatenate([GRID, np.ones((*GRID.shape[:2], 1))], axis=2) * z[..., None]
+    P = homogeneous(GRID) * z[..., None]
     Q = P @ np.linalg.inv(T)[:3, :3].T + np.linalg.inv(T)[:3, 3]
     cell = np.arange(z.size).reshape(z.shape)
     return GoalLink(cell, Q[..., :2] / Q[..., 2:], T, z.shape)

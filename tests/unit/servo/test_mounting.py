@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
 from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.messages.goal import GoalSidecar, Mount
@@ -35,8 +35,7 @@ DOWN = Mount(pitch_rad=np.radians(-90.0))
 def depth_of(T_wall_camera):
     """Depth (h, w) of a wall in the plane z = DEPTH_M of a frame, and its points (h, w, 3)."""
     xy = CAMERA.normalise(CAMERA.grid(STRIDE))
-    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
-    directions = rays @ T_wall_camera[:3, :3].T
+    directions = homogeneous(xy) @ T_wall_camera[:3, :3].T
     z = (DEPTH_M - T_wall_camera[2, 3]) / directions[..., 2]
     return z, T_wall_camera[:3, 3] + directions * z[..., None]
 
@@ -122,8 +121,8 @@ def pillared(T_wall_camera):
     pixels = CAMERA.grid(STRIDE)
     z = np.full(pixels.shape[:2], DEPTH_M)
     z[:, 3::7] = z[:, 4::7] = DEPTH_M / 3.0
-    points = np.concatenate([CAMERA.normalise(pixels), np.ones((*z.shape, 1))], axis=2)
-    points = points * z[..., None] @ T_wall_camera[:3, :3].T + T_wall_camera[:3, 3]
+    points = homogeneous(CAMERA.normalise(pixels)) * z[..., None]
+    points = points @ T_wall_camera[:3, :3].T + T_wall_camera[:3, 3]
     return GridSamples(pixels, CAMERA.project(points) - pixels, np.ones(z.shape)), z
 
 
