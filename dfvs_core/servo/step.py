@@ -105,10 +105,12 @@ def servo_step(
 
     # 5. Solve for the motion, and filter it.
     measured, equations = wanted_motion(unit_task, points, pose)
-    position = unit_task.basis.exp(measured)[:3, 3]
+    T_measured = unit_task.basis.exp(measured)
+    position = T_measured[:3, 3]
     since_s = None if T_guess is None else dt_s
     estimate = correct_goal(task, estimate, position, points, since_s)
-    motion = _filtered_motion(task, unit_task, estimate, measured)
+    # The filtered position, with the measured rotation.
+    motion = task.basis.log(make_pose(T_measured[:3, :3], estimate.position_m))
     residual_px = pose.residual * task.camera.fx
     caution = _caution(task, overlap, residual_px)
     velocity = _velocity(task, motion, estimate, inputs, caution)
@@ -161,14 +163,6 @@ def servo_step(
         attitude_error_rad=tilt,
         outliers=outliers,
     )
-
-
-def _filtered_motion(
-    task: ServoTask, unit_task: ServoTask, estimate: GoalEstimate, measured: FloatArray
-) -> FloatArray:
-    """Motion (d,) to the goal, m and rad: the filtered position with the measured rotation."""
-    T = unit_task.basis.exp(measured)
-    return task.basis.log(make_pose(T[:3, :3], estimate.position_m))
 
 
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:

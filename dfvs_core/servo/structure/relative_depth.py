@@ -16,7 +16,7 @@ from dfvs_core.depth.source import (
     GivenDepth,
     GoalLink,
 )
-from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -171,11 +171,8 @@ def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
 def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
     if depth is None:
         return None
-
-    def pick(values: Float32Array) -> Float32Array:
-        return values[stride // 2 :: stride, stride // 2 :: stride]
-
-    return DepthMap(pick(depth.z_m), pick(depth.validity))
+    grid = (slice(stride // 2, None, stride),) * 2
+    return DepthMap(depth.z_m[grid], depth.validity[grid])
 
 
 def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
