@@ -4,7 +4,7 @@ import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import MS, Engage, S
-from dfvs_core.gate.events import Action, ModeRequest, OperatorCommand, VehicleMode
+from dfvs_core.gate.events import Action, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import TRANSITIONS, Cause, GateState
 
@@ -136,21 +136,21 @@ def test_auto_does_not_engage_in_a_moment_of_a_failing_check():
 def test_command_waits_for_the_operator():
     gate = Rehearsal(COMMAND).until(GateState.READY).run(5.0)
     assert gate.state is GateState.READY
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     assert (gate.state, gate.last.cause) == (GateState.ENGAGE, Cause.COMMAND_ENGAGED)
     gate.until(GateState.SERVO)
 
 
 def test_an_order_during_preflight_counts():
     gate = Rehearsal(COMMAND).until(GateState.PREFLIGHT)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.until(GateState.ENGAGE)
 
 
 def test_an_order_to_hold_takes_back_the_order_to_engage():
     gate = Rehearsal(COMMAND).until(GateState.PREFLIGHT)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    gate.command(Action.ENGAGE)
+    gate.command(Action.HOLD)
     gate.run(5.0)
     assert gate.state is GateState.READY
 
@@ -160,7 +160,7 @@ def test_an_order_does_not_take_the_vehicle_out_of_just_any_mode(mode):
     gate = Rehearsal(COMMAND)
     gate.vehicle.mode = mode
     gate.until(GateState.READY)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.run(1.0)
     assert gate.state is GateState.READY
 
@@ -291,10 +291,6 @@ def test_the_table_of_transitions_never_leads_into_motion_from_an_end():
 # --- commands to engage that do nothing -----------------------------------------------------
 
 
-def engage(gate):
-    return gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE)).refusal
-
-
 @pytest.mark.parametrize("state", [GateState.PREFLIGHT, GateState.READY])
 @pytest.mark.parametrize(
     ("by", "reason"),
@@ -308,18 +304,18 @@ def test_where_no_command_engages_it_is_refused_with_the_setting(by, reason, sta
     gate = Rehearsal(pilot_config(engage=by))
     gate.vehicle.mode = VehicleMode.POSITION
     gate.until(state)
-    assert engage(gate) == f"rejected: {reason}"
+    assert gate.command(Action.ENGAGE).refusal == f"rejected: {reason}"
 
 
 @pytest.mark.parametrize("state", [GateState.PREFLIGHT, GateState.READY])
 def test_a_command_that_engages_is_accepted(state):
-    assert engage(Rehearsal(COMMAND).until(state)) == ""
+    assert Rehearsal(COMMAND).until(state).command(Action.ENGAGE).refusal == ""
 
 
 def test_before_a_vehicle_is_heard_a_command_to_engage_is_refused():
     gate = Rehearsal(COMMAND)
     gate.vehicle.sends_heartbeat = False
-    assert engage(gate) == "rejected: no vehicle heard"
+    assert gate.command(Action.ENGAGE).refusal == "rejected: no vehicle heard"
 
 
 @pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
@@ -328,19 +324,21 @@ def test_an_engaged_gate_refuses_to_engage_again(state):
     if state is GateState.HOLD:
         gate.until(GateState.SERVO)
         gate.sees = False
-    assert engage(gate.until(state)) == "rejected: already engaged"
+    assert gate.until(state).command(Action.ENGAGE).refusal == "rejected: already engaged"
+    assert gate.state is state
 
 
 def test_a_commanded_hold_is_lifted_once():
     gate = Rehearsal().until(GateState.SERVO)
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
-    assert (engage(gate), engage(gate)) == ("", "rejected: already engaged")
+    gate.command(Action.HOLD)
+    assert gate.command(Action.ENGAGE).refusal == ""
+    assert gate.command(Action.ENGAGE).refusal == "rejected: already engaged"
 
 
 @pytest.mark.parametrize("by", list(Engage))
 def test_after_its_end_a_flight_is_left_by_a_command_in_any_case(by):
     gate = Rehearsal(pilot_config(engage=by)).until(GateState.READY)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ABORT))
+    gate.command(Action.ABORT)
     gate.run(2.0)
-    assert engage(gate) == ""
+    assert gate.command(Action.ENGAGE).refusal == ""
     assert gate.last.cause is Cause.OPERATOR_AGAIN

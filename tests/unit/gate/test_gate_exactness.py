@@ -6,10 +6,9 @@ import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.config import MS, Engage, GateTiming, OnDone, S
+from dfvs_core.gate.config import MS, Engage, GateTiming, OnDone
 from dfvs_core.gate.events import (
     Action,
-    Heartbeat,
     LocalPosition,
     ModeRequest,
     OperatorCommand,
@@ -18,7 +17,7 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import VehicleMonitor, link_fault
+from dfvs_core.gate.vehicle import VehicleMonitor
 
 TIMING = GateTiming()
 
@@ -34,13 +33,6 @@ def test_without_a_good_report_there_is_no_goal_reached_and_no_velocity():
     assert sight.reached_for_ns(10 * MS) == 0
     sight.invalidate((Cause.GATE_STALLED, ""))
     assert (sight.reached_for_ns(11 * MS), sight.velocity()) == (-1, ZERO)
-
-
-def test_a_link_that_was_never_heard_is_said_to_be_so():
-    vehicle, config = VehicleMonitor(), auto_config()
-    assert link_fault(vehicle, config, S) == (Cause.HEARTBEAT_LOST, "none heard yet")
-    vehicle.update(Heartbeat(0, VehicleMode.HOLD, armed=True))
-    assert link_fault(vehicle, config, 3 * S) == (Cause.HEARTBEAT_LOST, "last one 3.00 s ago")
 
 
 def test_a_position_that_is_no_number_is_an_endless_jump():
@@ -88,7 +80,7 @@ def test_a_goal_is_logged_by_the_first_twelve_of_its_digits():
 def test_an_order_to_engage_counts_for_exactly_five_seconds(late_ns, engages):
     gate = Rehearsal(auto_config(engage=Engage.COMMAND)).until(GateState.READY)
     gate.vehicle.in_air = False
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     ordered_ns = gate.now_ns
     gate.run(4.9)
     assert gate.state is GateState.READY
@@ -191,7 +183,7 @@ def test_a_gate_that_was_told_to_stop_takes_no_order_to_engage():
     assert gate.state is GateState.ABORT
     gate.run(3.0)
     assert gate.machine.is_finished
-    output = gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    output = gate.command(Action.ENGAGE)
     assert (gate.state, output.refusal) == (GateState.ABORT, "rejected: the service is being ended")
 
 
@@ -209,7 +201,7 @@ def test_an_order_to_engage_at_the_goal_is_refused_with_what_to_do():
     gate = Rehearsal()
     gate.changes["reached"] = True
     gate.until(GateState.DONE)
-    output = gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    output = gate.command(Action.ENGAGE)
     assert output.refusal == "rejected: the goal is reached, send another goal"
     assert gate.state is GateState.DONE
 
@@ -226,10 +218,11 @@ def test_a_stop_says_whose_it_is(unsupervised, reason):
 
 def test_the_reasons_of_holds_and_of_disarming_word_by_word():
     gate = Rehearsal().until(GateState.ENGAGE)
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    gate.command(Action.HOLD)
     gate.until(GateState.HOLD)
     assert gate.machine.reason == "operator commanded to hold"
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    assert not gate.moved()
+    gate.command(Action.ENGAGE)
     gate.until(GateState.SERVO)
     assert gate.machine.reason == "good data"
     gate.beat(armed=False)

@@ -204,11 +204,17 @@ def test_a_heartbeat_as_old_as_the_first_odd_target_confirms_nothing():
     assert others.flight_fault(0) is None
 
 
-def test_odd_targets_lapse_when_none_came_for_a_second():
+def after_an_odd_target():
+    """Others after one odd target, and a heartbeat that confirms OFFBOARD."""
     others = OtherCommanders()
     others.sent(ZERO, 0)
     others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
     beat(others, 2)
+    return others
+
+
+def test_odd_targets_lapse_when_none_came_for_a_second():
+    others = after_an_odd_target()
     others.update(VelocityTarget(1 * S + 2, (0.0, 0.0, 0.0)), 0.0)  # a good one, a second later
     for i in range(UNEXPLAINED_TARGETS):
         others.update(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
@@ -217,10 +223,7 @@ def test_odd_targets_lapse_when_none_came_for_a_second():
 
 def test_a_good_target_soon_after_an_odd_one_clears_nothing():
     """Between two setpoints of a stranger the autopilot may fly one of ours."""
-    others = OtherCommanders()
-    others.sent(ZERO, 0)
-    others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
-    beat(others, 2)
+    others = after_an_odd_target()
     others.update(VelocityTarget(1 + S, (0.0, 0.0, 0.0)), 0.0)
     for i in range(UNEXPLAINED_TARGETS):
         assert others.flight_fault(0) is None
