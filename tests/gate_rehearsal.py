@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import MS, Engage, GateConfig, S
 from dfvs_core.gate.events import (
+    Action,
     Attitude,
     Battery,
     CurrentMode,
@@ -20,6 +21,7 @@ from dfvs_core.gate.events import (
     LandedState,
     LocalPosition,
     ModeRequest,
+    OperatorCommand,
     OtherServices,
     ParametersRead,
     Report,
@@ -154,6 +156,15 @@ class Rehearsal:
         if self.state is GateState.SERVO:
             self.error_m = max(self.error_m - self.fall_m_s * TICK_NS / S, 0.0)
         return self.send([*self.nominal(), *extra])
+
+    def command(self, action: Action, argument: str = "") -> GateOutput:
+        """One undisturbed tick in which an operator's command arrives."""
+        return self.tick(OperatorCommand(self.now_ns, action, argument))
+
+    def look(self, **changes: object) -> GateOutput:
+        """A report alone, 5 ms after the last step."""
+        self.now_ns += 5 * MS
+        return self.send([self.report(**changes)])
 
     def send(self, events: Sequence[Event]) -> GateOutput:
         """Step at the present time with these events alone."""

@@ -7,8 +7,11 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.camera import homogeneous
 
 _LEAST_FORWARD = 0.1
+_MEMORY = 0.5
+"""Share of the logarithm of the depth of the frame before."""
 _TRUST = 0.5
 """Validity where the flow is confident: one alpha for every speed makes the depth a rough guess."""
 
@@ -33,10 +36,6 @@ class FlowDepth:
         Bounds; where there is no flow the far bound holds.
     fallback_m : float
         Depth while there is no earlier frame.
-    derotated : bool
-        False: as the paper has it, with the flow of turning counted as if it came from moving.
-    memory : float
-        Share of the logarithm of the depth of the frame before; 0: none, as the paper has it.
     noise : float
         Length of flow that says nothing, in normalised units.
     """
@@ -45,8 +44,6 @@ class FlowDepth:
     near_m: float = 0.5
     far_m: float = 10.0
     fallback_m: float = 3.0
-    derotated: bool = True
-    memory: float = 0.5
     noise: float = 0.0
 
     def estimate(
@@ -56,13 +53,11 @@ class FlowDepth:
         if inputs.earlier is None:
             depth, _ = ConstantDepth(self.fallback_m).estimate(inputs, state)
             return depth, state or _remembered(depth.z_m)
-        unmoved = inputs.xy
-        if self.derotated:
-            unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
+        unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
         length = np.linalg.norm(inputs.earlier.xy - unmoved, axis=2)
         z = np.clip(self.alpha / np.maximum(length, 1e-9), self.near_m, self.far_m)
         if state is not None:
-            memory = np.where(length > self.noise, self.memory, 1.0)
+            memory = np.where(length > self.noise, _MEMORY, 1.0)
             z = z ** (1.0 - memory) * state.rho**-memory
         validity = np.where(length > 0, _TRUST * inputs.earlier.confidence, 0.0)
         return DepthMap(z.astype(np.float32), validity.astype(np.float32)), _remembered(z)
@@ -75,6 +70,6 @@ def _remembered(z_m: FloatArray | Float32Array) -> DepthState:
 
 def _turned(xy: FloatArray, R: FloatArray) -> FloatArray:
     """Where points xy (h, w, 2) would be seen if the camera had turned by R (3, 3) alone."""
-    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2) @ R.T
+    rays = homogeneous(xy) @ R.T
     turned: FloatArray = rays[..., :2] / np.maximum(rays[..., 2:], _LEAST_FORWARD)
     return turned

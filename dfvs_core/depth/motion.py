@@ -18,9 +18,14 @@ from dfvs_core.depth.source import (
     GoalLink,
 )
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import weighted_median
 
+_PRIOR_SPREAD = 0.5
+"""Relative standard deviation of inverse depth around its median in a scene."""
+_NEAR, _FAR = 0.3, 30.0
+"""Bounds of the depth given out, in units."""
 _NEAREST = 0.02
 """Depth in units below which a point is taken for one at that depth."""
 
@@ -35,22 +40,15 @@ class MotionDepth:
     ----------
     prior : float
         Depth before anything was measured, in units.
-    prior_spread : float
-        Relative standard deviation of inverse depth around its median in a scene.
     pixel_noise : float
         Standard deviation of a correspondence, normalised units (about 0.5 px / f).
     least_spread : float
         Relative standard deviation of inverse depth that no number of measurements undercuts.
-    near, far : float
-        Bounds of the depth given out, in units.
     """
 
     prior: float = 3.0
-    prior_spread: float = 0.5
     pixel_noise: float = 0.0025
     least_spread: float = 0.02
-    near: float = 0.3
-    far: float = 30.0
 
     def estimate(
         self, inputs: DepthInputs, state: DepthState | None
@@ -75,7 +73,7 @@ class MotionDepth:
         """Memory of a goal whose view is new, from the depth of the current grid."""
         trust = np.clip(depth.validity.astype(np.float64), 1e-3, 1.0 - 1e-3)
         rho = 1.0 / depth.z_m.astype(np.float64)
-        variance = (self.prior_spread * rho) ** 2 * (1.0 - trust) / trust
+        variance = (_PRIOR_SPREAD * rho) ** 2 * (1.0 - trust) / trust
         variance = np.where(depth.measured, variance, UNKNOWN_VARIANCE)
         cells, means, variances = _in_goal_view(xy, (rho, variance), link)
         return self._fuse(self._memory(link, None), cells, means, variances)
@@ -97,9 +95,8 @@ class MotionDepth:
         seen = link.cell >= 0
         cell = np.where(seen, link.cell, 0)
         rho_goal, variance_goal = state.rho.ravel()[cell], state.variance.ravel()[cell]
-        rays = np.concatenate([link.xy_goal, np.ones((*shape, 1))], axis=2)
         T = link.T_current_goal
-        z = ((rays / rho_goal[..., None]) @ T[2, :3]) + T[2, 3]
+        z = (homogeneous(link.xy_goal) / rho_goal[..., None]) @ T[2, :3] + T[2, 3]
         rho = 1.0 / np.maximum(z, _NEAREST)
         variance = variance_goal * (rho / rho_goal) ** 4
         unknown = ~seen | (variance_goal >= 0.5 * UNKNOWN_VARIANCE)
@@ -113,7 +110,7 @@ class MotionDepth:
         are linear in rho: ``(t_xy - q t_z) rho = q (R r)_z - (R r)_xy``, q the earlier pixel.
         """
         R, t = earlier.T_earlier_current[:3, :3], earlier.T_earlier_current[:3, 3]
-        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2) @ R.T
+        rays = homogeneous(xy) @ R.T
         q = earlier.xy
         a = t[:2] - q * t[2]
         b = q * rays[..., 2:3] - rays[..., :2]
@@ -151,10 +148,10 @@ class MotionDepth:
         median = 1.0 / self.prior
         if known.any():
             median = weighted_median(rho[known], np.sqrt(information[known]))
-        spread_sq = (self.prior_spread * median) ** 2
+        spread_sq = (_PRIOR_SPREAD * median) ** 2
         trust = spread_sq / (spread_sq + variance)
         filled = trust * rho + (1.0 - trust) * median
-        z = 1.0 / np.clip(filled, 1.0 / self.far, 1.0 / self.near)
+        z = 1.0 / np.clip(filled, 1.0 / _FAR, 1.0 / _NEAR)
         return DepthMap(z.astype(np.float32), trust.astype(np.float32))
 
 
@@ -167,9 +164,8 @@ def _in_goal_view(
     """
     rho, variance = measured
     good = (link.cell >= 0) & (variance < 0.5 * UNKNOWN_VARIANCE) & (rho > 0.0)
-    rays = np.column_stack([xy[good], np.ones(np.count_nonzero(good))])
     T = invert_pose(link.T_current_goal)
-    z = (rays / rho[good][:, None]) @ T[2, :3] + T[2, 3]
+    z = (homogeneous(xy[good]) / rho[good][:, None]) @ T[2, :3] + T[2, 3]
     ahead = z > _NEAREST
     rho_goal = 1.0 / z[ahead]
     variance_goal = variance[good][ahead] * (rho_goal / rho[good][ahead]) ** 4

@@ -5,7 +5,7 @@ import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.matching.correspondence import FlowField
 
 GUESS_CONFIDENCE = 0.5
@@ -39,8 +39,7 @@ def predict_flow(
         (H, W), smooth, with a confidence that calls it a guess everywhere.
     """
     pixels = camera.grid(stride)
-    rays = np.concatenate([camera.normalise(pixels), np.ones((*pixels.shape[:2], 1))], axis=2)
-    P = rays * depth.z_m[..., None]
+    P = homogeneous(camera.normalise(pixels)) * depth.z_m[..., None]
     Q = P @ T_other_current[:3, :3].T + T_other_current[:3, 3]
     Q[..., 2] = np.maximum(Q[..., 2], _MIN_DEPTH_M)
     coarse = ((other_camera or camera).project(Q) - pixels).astype(np.float32)

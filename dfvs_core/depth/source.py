@@ -9,7 +9,7 @@ import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.errors import ConfigError
-from dfvs_core.geometry.arrays import Float32Array, FloatArray, IntArray
+from dfvs_core.geometry.arrays import FloatArray, IntArray
 
 UNKNOWN_VARIANCE = 1e6
 """Variance of an inverse depth of which nothing is known."""
@@ -142,8 +142,5 @@ class ConstantDepth:
     ) -> tuple[DepthMap, DepthState | None]:
         """Return the constant."""
         shape = inputs.xy.shape[:2]
-        return DepthMap(_full(shape, self.z_m), _full(shape, 0.0)), state
-
-
-def _full(shape: tuple[int, ...], value: float) -> Float32Array:
-    return np.full(shape, value, dtype=np.float32)
+        z_m = np.full(shape, self.z_m, dtype=np.float32)
+        return DepthMap(z_m, np.zeros_like(z_m)), state

@@ -19,6 +19,11 @@ _DISTORTION_LENGTHS = (0, 4, 5, 8)
 _UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
 
 
+def homogeneous(xy: FloatArray) -> FloatArray:
+    """Rays (..., 3), z = 1, of normalised coordinates (..., 2)."""
+    return np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+
+
 @dataclass(frozen=True, slots=True)
 class CameraModel:
     """Intrinsics of a camera.
@@ -136,7 +141,7 @@ class CameraModel:
         xy = np.asarray(xy, dtype=np.float64)
         if not self.distortion:
             return xy * [self.fx, self.fy] + [self.cx, self.cy]
-        rays = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1).reshape(-1, 1, 3)
+        rays = homogeneous(xy).reshape(-1, 1, 3)
         zero = np.zeros(3)
         pixels, _ = cv2.projectPoints(rays, zero, zero, self.matrix, np.array(self.distortion))
         return np.asarray(pixels, dtype=np.float64).reshape(xy.shape)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.smooth_flow import confident_matches
@@ -85,7 +85,6 @@ def relative_pose(
 
 def _parallax(current: FloatArray, other: FloatArray, R_current_other: FloatArray) -> float:
     """Median angle between rays (N, 2), normalised coordinates, seen from both cameras, rad."""
-    first, second = (np.column_stack([xy, np.ones(len(xy))]) for xy in (current, other))
-    second = second @ R_current_other.T
+    first, second = homogeneous(current), homogeneous(other) @ R_current_other.T
     sine = np.linalg.norm(np.cross(first, second), axis=1)
     return float(np.median(np.arctan2(sine, (first * second).sum(axis=1))))

@@ -122,35 +122,23 @@ def access_control(vehicles: Sequence[str]) -> dict[str, Any]:
 
 def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
     """Rules of one role: what it publishes comes in, what it listens to goes out."""
-    rules = []
-    if access.publishes:
-        rules.append(
-            _rule(f"{name} publishes", _PUBLISHER_MESSAGES, ("ingress",), access.publishes)
-        )
-        rules.append(
-            _rule(
-                f"{name} is subscribed to",
-                _SUBSCRIBER_MESSAGES,
-                ("egress",),
-                _of_any(access.publishes),
-            )
-        )
-    if access.subscribes:
-        rules.append(
-            _rule(
-                f"{name} subscribes", _SUBSCRIBER_MESSAGES, ("ingress",), _of_any(access.subscribes)
-            )
-        )
-        rules.append(_rule(f"{name} receives", _PUBLISHER_MESSAGES, ("egress",), access.subscribes))
-    exceptions = (
-        ("publishes", "ingress", access.never_publishes),
-        ("subscribes", "egress", access.never_subscribes),
+    given, asked = _PUBLISHER_MESSAGES, _SUBSCRIBER_MESSAGES
+    allowed = (
+        ("publishes", given, "ingress", access.publishes),
+        ("is subscribed to", asked, "egress", _of_any(access.publishes)),
+        ("subscribes", asked, "ingress", _of_any(access.subscribes)),
+        ("receives", given, "egress", access.subscribes),
     )
-    for verb, flow, keys in exceptions:
-        if keys:
-            denied = _rule(f"{name} never {verb}", ("put", "delete"), (flow,), keys)
-            rules.append({**denied, "permission": "deny"})
-    return rules
+    denied = (
+        ("never publishes", ("put", "delete"), "ingress", access.never_publishes),
+        ("never subscribes", ("put", "delete"), "egress", access.never_subscribes),
+    )
+    return [
+        {**_rule(f"{name} {verb}", messages, (flow,), keys), "permission": permission}
+        for permission, lines in (("allow", allowed), ("deny", denied))
+        for verb, messages, flow, keys in lines
+        if keys
+    ]
 
 
 def _of_any(keys: Sequence[str]) -> tuple[str, ...]:

@@ -90,7 +90,7 @@ def admit(
     """
     try:
         header = decode_header(attachment)
-        fault, after = check_header(state, header, expected.camera, now_ns, expected.clock)
+        fault, after = check_header(state, header, expected, now_ns)
         if fault is not None:
             return Admission(after, None, fault.value, header.seq, header.t_capture_ns)
         frame = decode_frame(payload, header)
@@ -103,26 +103,12 @@ def admit(
 
 
 def check_header(
-    state: GuardState, header: FrameHeader, camera: CameraModel, now_ns: int, clock: bytes
+    state: GuardState, header: FrameHeader, expected: Expected, now_ns: int
 ) -> tuple[FrameFault | None, GuardState]:
-    """Judge a frame before its pixels are touched.
-
-    Parameters
-    ----------
-    state : GuardState
-        Memory from the frame before.
-    header : FrameHeader
-        Of the frame.
-    camera : CameraModel
-        What the frame must fit.
-    now_ns : int
-        Monotonic time.
-    clock : bytes
-        Identity of our own clock; a frame that names another one cannot be dated.
-    """
-    if (header.width, header.height) != camera.size:
+    """Judge a frame by its header, before its pixels are touched; see :func:`admit`."""
+    if (header.width, header.height) != expected.camera.size:
         return FrameFault.WRONG_SIZE, state
-    if any(header.clock) and header.clock != clock:
+    if any(header.clock) and header.clock != expected.clock:  # it cannot be dated
         return FrameFault.OTHER_CLOCK, state
     if now_ns - header.t_capture_ns > MAX_AGE_NS:
         return FrameFault.STALE, state

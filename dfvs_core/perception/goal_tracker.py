@@ -116,7 +116,8 @@ class GoalTracker:
     def __init__(self, matcher: Matcher, goal: ImageFeatures, task: ServoTask) -> None:
         self._matcher, self._goal, self._task = matcher, goal, task
         self._last: Observation | None = None
-        self._state = TrackingState.SEARCHING
+        self.state = TrackingState.SEARCHING
+        """State after the last frame."""
         self._rejected = _RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
@@ -127,15 +128,10 @@ class GoalTracker:
         self._extended_ns = 0
         """Capture time of the last such frame, or of one that was relocalised since."""
 
-    @property
-    def state(self) -> TrackingState:
-        """State after the last frame."""
-        return self._state
-
     def update(self, observation: Observation | None) -> None:
         """Keep the observation of the frame that was matched last; None where it gave none."""
         if observation is not None:
-            self._last, self._state = observation, TrackingState.TRACKING
+            self._last, self.state = observation, TrackingState.TRACKING
             self._has_excluded, self._refused = False, 0
 
     def reject(self, was_flown_to: bool) -> None:
@@ -144,7 +140,7 @@ class GoalTracker:
         if last is not None and was_flown_to:
             T_world_goal = last.T_world_camera @ invert_pose(last.T_goal_current)
             self._rejected.add(T_world_goal, last.t_capture_ns)
-        self._last, self._state, self._extending = None, TrackingState.SEARCHING, None
+        self._last, self.state, self._extending = None, TrackingState.SEARCHING, None
 
     def match(
         self,
@@ -169,16 +165,16 @@ class GoalTracker:
         flow = self._track(image, t_capture_ns, T_world_camera, depth)
         if flow is not None and self._refused < _MOST_REFUSED:
             self._refused += 1
-            if self._state is TrackingState.COASTING:
-                self._state = TrackingState.TRACKING
+            if self.state is TrackingState.COASTING:
+                self.state = TrackingState.TRACKING
             return flow
         self._refused = 0
-        if flow is None and self._state is TrackingState.TRACKING:
-            self._state = TrackingState.COASTING
+        if flow is None and self.state is TrackingState.TRACKING:
+            self.state = TrackingState.COASTING
             if self._last is not None and t_capture_ns - self._last.t_capture_ns <= COAST_NS:
                 return empty_flow(image.size)
-        was_coasting = self._state is TrackingState.COASTING
-        self._state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
+        was_coasting = self.state is TrackingState.COASTING
+        self.state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
         return self._relocalise(image, t_capture_ns, T_world_camera, depth)
 
     def _relocalise(

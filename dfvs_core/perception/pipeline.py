@@ -98,12 +98,9 @@ class Pipeline:
         self._period_ns = self._processing_ns = self._depth_ns = self._worked_ns = 0
         self._depth_m = task.config.constant_depth_m
         self._state = ServoState()
-        self.set_goal(task, self.prepare(goal))
-
-    @property
-    def observed_ns(self) -> int | None:
+        self.observed_ns: int | None = None
         """Capture time of the keyframe whose preview tracking of this goal began with, or None."""
-        return self._observed_ns
+        self.set_goal(task, self.prepare(goal))
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's image alone."""
@@ -124,7 +121,7 @@ class Pipeline:
         """
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
-        self._observed_ns = None if observation is None else observation.t_capture_ns
+        self.observed_ns = None if observation is None else observation.t_capture_ns
         self._task = task = goal.task(task)
         self._has_flown = False
         self._state = self._state.without_goal()

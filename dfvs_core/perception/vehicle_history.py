@@ -8,6 +8,7 @@ changes by far more than the velocity explains, the velocity counts.
 from __future__ import annotations
 
 import bisect
+import operator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -18,6 +19,12 @@ from dfvs_core.geometry.poses import euler_from_rotation, make_pose, rotation_fr
 from dfvs_core.messages.link import VehicleState
 
 _NS = 1e-9
+_TIME = operator.attrgetter("t_ns")
+
+_KEEP_NS = 4_000_000_000
+"""How long states are kept."""
+_MAX_GAP_NS = 200_000_000
+"""A time further than this from the nearest state is unknown."""
 
 MixT = TypeVar("MixT", float, FloatArray)
 
@@ -88,19 +95,9 @@ class Motion:
 
 
 class VehicleHistory:
-    """Recent vehicle states, oldest first.
+    """Recent vehicle states, oldest first."""
 
-    Parameters
-    ----------
-    keep_s : float
-        How long states are kept.
-    max_gap_s : float
-        A time further than this from the nearest state is unknown.
-    """
-
-    def __init__(self, keep_s: float = 4.0, max_gap_s: float = 0.2) -> None:
-        self._keep_ns = int(keep_s * 1e9)
-        self._max_gap_ns = int(max_gap_s * 1e9)
+    def __init__(self) -> None:
         self._states: list[Motion] = []
         self._position_m: FloatArray = np.zeros(3)
 
@@ -122,20 +119,18 @@ class VehicleHistory:
         self._states.append(
             Motion(state.t_ns, state.roll_rad, state.pitch_rad, yaw, velocity, displacement)
         )
-        oldest = bisect.bisect_left(
-            self._states, state.t_ns - self._keep_ns, key=lambda motion: motion.t_ns
-        )
+        oldest = bisect.bisect_left(self._states, state.t_ns - _KEEP_NS, key=_TIME)
         del self._states[:oldest]
 
     def at(self, t_ns: int) -> Motion | None:
         """State at a time, interpolated, or carried on for a moment; None where unknown."""
         if len(self._states) < 2:
             return None
-        i = bisect.bisect_left(self._states, t_ns, key=lambda motion: motion.t_ns)
+        i = bisect.bisect_left(self._states, t_ns, key=_TIME)
         i = min(max(i, 1), len(self._states) - 1)
         before, after = self._states[i - 1], self._states[i]
         nearest_ns = min(abs(t_ns - before.t_ns), abs(t_ns - after.t_ns))
-        if nearest_ns > self._max_gap_ns or after.t_ns - before.t_ns > 2 * self._max_gap_ns:
+        if nearest_ns > _MAX_GAP_NS or after.t_ns - before.t_ns > 2 * _MAX_GAP_NS:
             return None
         return self._interpolate(before, after, t_ns)
 
@@ -162,8 +157,8 @@ class VehicleHistory:
 
     def _yaw_rate(self, t_ns: int) -> float:
         """Yaw rate in rad/s over the tenth of a second that ends at t_ns."""
-        last = bisect.bisect_right(self._states, t_ns, key=lambda motion: motion.t_ns) - 1
-        first = bisect.bisect_left(self._states, t_ns - 100_000_000, key=lambda motion: motion.t_ns)
+        last = bisect.bisect_right(self._states, t_ns, key=_TIME) - 1
+        first = bisect.bisect_left(self._states, t_ns - 100_000_000, key=_TIME)
         first = min(first, last - 1)
         if first < 0:
             return 0.0

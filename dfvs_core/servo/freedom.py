@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import rotation_from_euler, se3_exp, se3_log
 
 MIN_RAY_FORWARD = 0.15
@@ -101,7 +102,7 @@ def rotate_rays(R: FloatArray, xy: FloatArray) -> tuple[FloatArray, FloatArray, 
     usable : (N,) bool
         False where the ray points aside or backwards in the new camera.
     """
-    rays = np.column_stack([xy, np.ones(len(xy))]) @ R.T
+    rays = homogeneous(xy) @ R.T
     usable: BoolArray = rays[:, 2] > MIN_RAY_FORWARD
     forward = np.where(usable, rays[:, 2], 1.0)
     return rays[:, :2] / forward[:, None], forward, usable

@@ -154,12 +154,6 @@ class GoalEstimate:
         error: FloatArray = self.x[_E] + self.slip_m_s
         return error
 
-    @property
-    def rate_error_m_s(self) -> FloatArray:
-        """True velocity minus the rate of the odometry's position (3,), m/s."""
-        error: FloatArray = self.x[_E]
-        return error
-
 
 @dataclass(frozen=True, slots=True)
 class PositionMeasurement:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import Attitude
@@ -83,7 +84,7 @@ def attitude_error(
         return error_rad
     points = points.select(known)
     R_body_camera = task.mount.T_body_camera()[:3, :3]
-    P = np.column_stack([points.xy, np.ones(len(points.xy))]) * points.z_m[:, None]
+    P = homogeneous(points.xy) * points.z_m[:, None]
     noise = task.config.flow_noise_px / task.camera.fx
     seen = Reprojection.of(pose.T_current_goal, P, points, noise)
     tilt = np.zeros((6, 2))

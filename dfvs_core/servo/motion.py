@@ -75,17 +75,11 @@ def wanted_motion(
         return pose.motion, equations
     if law == "hybrid":
         depth = max(weighted_median(points.z_m, points.weight), 0.1)
-        distance, angle = distance_and_angle(task, pose)
+        distance = float(np.linalg.norm(pose.T_current_goal[:3, 3]))
+        angle = float(np.linalg.norm((task.basis.B @ pose.motion)[3:]))
         remoteness = max(angle / FAR_ANGLE_RAD, distance / depth / FAR_DISTANCE)
         motion = blend_motions(pose.motion, motion, remoteness)
     return motion, equations
-
-
-def distance_and_angle(task: ServoTask, pose: GoalPose) -> tuple[float, float]:
-    """Distance in m and angle in rad to the goal."""
-    twist = task.basis.B @ pose.motion
-    distance = float(np.linalg.norm(pose.T_current_goal[:3, 3]))
-    return distance, float(np.linalg.norm(twist[3:]))
 
 
 def blend_motions(

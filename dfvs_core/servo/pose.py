@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
@@ -25,6 +26,8 @@ _MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3
 _CONVERGED = 1e-4
 """Step, m or rad, that changes nothing any more."""
+_LONGEST_STEP = 0.7
+"""Most that one step may change a component by, m or rad."""
 _EXPLAINED = 10.0
 """Error, in the correspondences' expected noise, from which on a point does not support a pose."""
 
@@ -85,8 +88,7 @@ def estimate_goal_pose(
     iterations : int
         At most so many Gauss-Newton steps; most frames need three to five.
     """
-    rays = np.column_stack([points.xy, np.ones(len(points.xy))])
-    P = rays * points.z_m[:, None]
+    P = homogeneous(points.xy) * points.z_m[:, None]
     T = np.eye(4) if T_guess is None else T_guess
     for _ in range(iterations):
         seen = Reprojection.of(T, P, points, noise.least)
@@ -183,7 +185,7 @@ class _DepthNoise:
         return vectors - self.shrinkage[:, :, None] * product[:, None, :]
 
 
-def _bounded(step: FloatArray, most: float = 0.7) -> FloatArray:
+def _bounded(step: FloatArray) -> FloatArray:
     """Keep one Gauss-Newton step inside the range where the linear model holds."""
     longest = float(np.abs(step).max())
-    return step if longest <= most else step * (most / longest)
+    return step if longest <= _LONGEST_STEP else step * (_LONGEST_STEP / longest)

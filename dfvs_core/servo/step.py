@@ -29,7 +29,7 @@ from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.structure.relative_depth import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
-from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
+from dfvs_core.servo.velocity import saturate, velocity_for
 
 _NOISE_FACTOR = 10.0
 _GO_ON = 0.5
@@ -105,10 +105,12 @@ def servo_step(
 
     # 5. Solve for the motion, and filter it.
     measured, equations = wanted_motion(unit_task, points, pose)
-    position = unit_task.basis.exp(measured)[:3, 3]
+    T_measured = unit_task.basis.exp(measured)
+    position = T_measured[:3, 3]
     since_s = None if T_guess is None else dt_s
     estimate = correct_goal(task, estimate, position, points, since_s)
-    motion = _filtered_motion(task, unit_task, estimate, measured)
+    # The filtered position, with the measured rotation.
+    motion = task.basis.log(make_pose(T_measured[:3, :3], estimate.position_m))
     residual_px = pose.residual * task.camera.fx
     caution = _caution(task, overlap, residual_px)
     velocity = _velocity(task, motion, estimate, inputs, caution)
@@ -161,14 +163,6 @@ def servo_step(
         attitude_error_rad=tilt,
         outliers=outliers,
     )
-
-
-def _filtered_motion(
-    task: ServoTask, unit_task: ServoTask, estimate: GoalEstimate, measured: FloatArray
-) -> FloatArray:
-    """Motion (d,) to the goal, m and rad: the filtered position with the measured rotation."""
-    T = unit_task.basis.exp(measured)
-    return task.basis.log(make_pose(T[:3, :3], estimate.position_m))
 
 
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
@@ -275,8 +269,6 @@ def _velocity(
     """
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
-    config = task.config
-    gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
     error = velocity_error(task, estimate)
-    wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, gain)
+    wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, task.config)
     return saturate(wanted - error, task.limits)

@@ -6,29 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class AdaptiveGain:
-    """Gain in 1/s that grows as the error vanishes.
-
-    ``gain(e) = far + (near - far) * exp(-e / error)``: a large error saturates anyway, a small
-    one would otherwise take for ever.
-    """
-
-    far: float
-    near: float
-    error: float
-
-    def __call__(self, error: float) -> float:
-        """Gain at an error in m + rad."""
-        return self.far + (self.near - self.far) * math.exp(-error / self.error)
+from dfvs_core.servo.config import ServoConfig
 
 
 def velocity_for(
-    motion: FloatArray, velocity: FloatArray, late_s: FloatArray, gain: AdaptiveGain
+    motion: FloatArray, velocity: FloatArray, late_s: FloatArray, config: ServoConfig
 ) -> FloatArray:
     """Velocity (d,): what will be left of the motion once the vehicle answers, times the gain.
+
+    The gain grows as the error vanishes: a large error saturates anyway, a small one would
+    otherwise take for ever.
 
     Parameters
     ----------
@@ -38,9 +25,12 @@ def velocity_for(
         How the vehicle moves, m/s and rad/s.
     late_s : (d,)
         Age of the image and the time until a velocity is followed, s.
-    gain : AdaptiveGain
+    config : ServoConfig
+        Gains, and the error (m + rad) between them.
     """
-    return gain(float(np.linalg.norm(motion))) * (motion - velocity * late_s)
+    nearness = math.exp(-float(np.linalg.norm(motion)) / config.gain_error)
+    gain = config.gain_far + (config.gain_near - config.gain_far) * nearness
+    return gain * (motion - velocity * late_s)
 
 
 @dataclass(frozen=True, slots=True)

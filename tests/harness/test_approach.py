@@ -14,7 +14,7 @@ import pytest
 from dfvs_bench.drone.bound import trapezoid_s
 from dfvs_core.gate.limits import ZERO, BodyVelocity, VelocityLimits, saturate, slew
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.velocity import AdaptiveGain, velocity_for
+from dfvs_core.servo.velocity import velocity_for
 from dfvs_sim.dynamics.control import Controller, Demand, Gains
 from dfvs_sim.dynamics.estimate_errors import EstimateErrors
 from dfvs_sim.dynamics.estimator import Estimator
@@ -24,7 +24,6 @@ STEP_S, FRAME_S, SETPOINT_S = 0.004, 0.05, 0.02
 AGE_S = 0.11
 LIMITS = VelocityLimits()
 CONFIG = ServoConfig()
-GAIN = AdaptiveGain(CONFIG.gain_far, CONFIG.gain_near, CONFIG.gain_error)
 
 
 @dataclass
@@ -63,7 +62,7 @@ class Approach:
     def _law(self, motion, vehicle):
         velocity = np.array([vehicle.v_north_m_s, vehicle.yaw_rate_rad_s])
         late_s = np.array([CONFIG.response_s, CONFIG.yaw_response_s]) + AGE_S
-        forward, yaw = velocity_for(motion, velocity, late_s, GAIN)
+        forward, yaw = velocity_for(motion, velocity, late_s, CONFIG)
         return BodyVelocity(forward_m_s=float(forward), yaw_rad_s=float(yaw))
 
     @property

@@ -20,6 +20,7 @@ CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 ROOM = BoxRoom(CAMERA)
 FRAME_NS = 50_000_000
 EXACT = ServoConfig(depth="given", response_s=0.0, yaw_response_s=0.0)
+TASK = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
 
 
 def body_pose(x, y, z, yaw_deg, roll_deg=0.0, pitch_deg=0.0):
@@ -27,9 +28,19 @@ def body_pose(x, y, z, yaw_deg, roll_deg=0.0, pitch_deg=0.0):
     return make_pose(R, np.array([x, y, z]))
 
 
+HERE = body_pose(0, 0, 0, 0) @ Mount().T_body_camera()
+FLOW = ROOM.flow(HERE, body_pose(0.4, 0.1, 0, 5) @ Mount().T_body_camera())
+"""Of a vehicle at the origin to a goal near by."""
+
+
 def inputs(k, flow, velocity, **more):
     t = k * FRAME_NS
     return ServoInputs(now_ns=t, t_capture_ns=t, flow=flow, velocity=velocity, **more)
+
+
+def set_to(**changes):
+    """The task with other settings."""
+    return replace(TASK, config=replace(EXACT, **changes))
 
 
 def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
@@ -82,20 +93,18 @@ def test_a_level_vehicle_reaches_the_goal(depth):
 
 
 def test_motion_depth_is_metric():
-    task = ServoTask(replace(EXACT, depth="motion"), CAMERA, GoalSidecar(CAMERA), Mount())
-    T_goal = body_pose(0.5, 0.0, 0.0, 0.0) @ task.mount.T_body_camera()
-    result, T_final = fly(task, body_pose(-1.0, 0.5, 0.0, 15.0), T_goal)
+    T_goal = body_pose(0.5, 0.0, 0.0, 0.0) @ TASK.mount.T_body_camera()
+    result, T_final = fly(set_to(depth="motion"), body_pose(-1.0, 0.5, 0.0, 15.0), T_goal)
     true_depth = np.median(ROOM.depth(T_final))
     assert result.depth_m == pytest.approx(true_depth, rel=0.1)
 
 
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 12), (-10, 0), (8, -15)])
 def test_the_tilt_of_the_body_does_not_change_the_motion(roll_deg, pitch_deg):
-    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
-    T_goal = body_pose(0.6, 0.2, 0.1, 12.0) @ task.mount.T_body_camera()
+    T_goal = body_pose(0.6, 0.2, 0.1, 12.0) @ TASK.mount.T_body_camera()
     motions = []
     for roll, pitch in ((0, 0), (roll_deg, pitch_deg)):
-        T_cam = body_pose(0, 0, 0, 0, roll, pitch) @ task.mount.T_body_camera()
+        T_cam = body_pose(0, 0, 0, 0, roll, pitch) @ TASK.mount.T_body_camera()
         step = inputs(
             0,
             ROOM.flow(T_cam, T_goal),
@@ -103,7 +112,7 @@ def test_the_tilt_of_the_body_does_not_change_the_motion(roll_deg, pitch_deg):
             attitude=Attitude(*np.radians([roll, pitch])),
             given_depth=ROOM.depth_map(T_cam),
         )
-        result, _ = servo_step(task, ServoState(), step)
+        result, _ = servo_step(TASK, ServoState(), step)
         motions.append(result.motion)
     np.testing.assert_allclose(motions[1], motions[0], atol=2e-3)
     np.testing.assert_allclose(motions[0], [0.6, 0.2, 0.1, np.radians(12)], atol=0.08)
@@ -112,7 +121,7 @@ def test_the_tilt_of_the_body_does_not_change_the_motion(roll_deg, pitch_deg):
 def test_the_tilt_of_the_goal_is_taken_out():
     """A goal taken while the vehicle leant is still reached by a level vehicle."""
     sidecar = GoalSidecar(CAMERA, roll_rad=np.radians(6), pitch_rad=np.radians(-9))
-    task = ServoTask(EXACT, CAMERA, sidecar, Mount())
+    task = replace(TASK, goal=sidecar)
     T_goal = body_pose(0.3, 0.1, 0.0, 5.0, 6.0, -9.0) @ task.mount.T_body_camera()
     result, T_final = fly(task, body_pose(-0.5, -0.3, 0.1, -10.0), T_goal)
     assert result.reached
@@ -122,7 +131,7 @@ def test_the_tilt_of_the_goal_is_taken_out():
 def test_a_free_camera_uses_all_six_degrees():
     task = ServoTask(replace(EXACT, max_turn_rad_s=2.0), CAMERA, GoalSidecar(CAMERA))
     T_goal = body_pose(0.4, -0.2, 0.1, 8.0, 10.0, -7.0) @ Mount().T_body_camera()
-    T_cam, state = body_pose(0, 0, 0, 0) @ Mount().T_body_camera(), ServoState()
+    T_cam, state = HERE, ServoState()
     for k in range(400):
         step = inputs(k, ROOM.flow(T_cam, T_goal), np.zeros(6), given_depth=ROOM.depth_map(T_cam))
         result, state = servo_step(task, state, step)
@@ -132,54 +141,40 @@ def test_a_free_camera_uses_all_six_degrees():
     assert rotation_rad < np.radians(0.3)
 
 
-def one_frame(flow, config=EXACT, state=None, **more):
-    return after_frame(flow, config, state, **more)[0]
-
-
-def state_after(flow, config=EXACT):
-    return after_frame(flow, config)[1]
-
-
-def after_frame(flow, config=EXACT, state=None, **more):
-    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
-    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
-    step = inputs(0, flow, np.zeros(4), given_depth=given, **more)
+def seen_here(flow, task=TASK, state=None, k=0, velocity=(0.0, 0.0, 0.0, 0.0), **more):
+    """Result and state of the k-th frame of a vehicle at the origin."""
+    step = inputs(k, flow, np.array(velocity), given_depth=ROOM.depth_map(HERE), **more)
     return servo_step(task, state or ServoState(), step)
 
 
-def good_flow():
-    T_body_camera = Mount().T_body_camera()
-    return ROOM.flow(
-        body_pose(0, 0, 0, 0) @ T_body_camera, body_pose(0.4, 0.1, 0, 5) @ T_body_camera
-    )
+def one_frame(flow, task=TASK, state=None, **more):
+    return seen_here(flow, task, state, **more)[0]
 
 
 def test_flow_that_is_not_finite_stops():
-    flow = good_flow()
-    broken = flow.flow.copy()
+    broken = FLOW.flow.copy()
     broken[3, 4, 0] = np.nan
-    result = one_frame(FlowField(broken, flow.confidence))
+    result = one_frame(FlowField(broken, FLOW.confidence))
     assert result.status is Status.NOT_FINITE
     assert not result.velocity.any()
 
 
 def test_too_little_overlap_stops():
-    flow = good_flow()
-    result = one_frame(FlowField(flow.flow, flow.confidence * 0.01))
+    result = one_frame(FlowField(FLOW.flow, FLOW.confidence * 0.01))
     assert result.status is Status.NO_OVERLAP
     assert not result.velocity.any()
 
 
 def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_takes():
-    config, flow = replace(EXACT, min_overlap=0.3), good_flow()
+    task = set_to(min_overlap=0.3)
 
     def seen(share, state):
-        strip = np.zeros_like(flow.confidence)
+        strip = np.zeros_like(FLOW.confidence)
         strip[: round(share * strip.shape[0])] = 1.0
-        return one_frame(FlowField(flow.flow, flow.confidence * strip), config, state)
+        return one_frame(FlowField(FLOW.flow, FLOW.confidence * strip), task, state)
 
     assert seen(0.6, ServoState()).status is Status.OK
-    found = state_after(flow, config)
+    _, found = seen_here(FLOW, task)
     assert seen(0.3, ServoState()).status is Status.NO_OVERLAP
     assert seen(0.3, found).status is Status.OK
     assert seen(0.1, found).status is Status.NO_OVERLAP
@@ -193,22 +188,20 @@ def test_confident_nonsense_stops(rng):
 
 
 def test_a_third_of_wrong_correspondences_changes_little(rng):
-    flow = good_flow()
-    wrong = flow.flow.copy()
+    wrong = FLOW.flow.copy()
     wrong[:, 50:100] += rng.normal(0, 25, (120, 50, 2)).astype(np.float32)
-    clean, dirty = one_frame(flow), one_frame(FlowField(wrong, flow.confidence))
+    clean, dirty = one_frame(FLOW), one_frame(FlowField(wrong, FLOW.confidence))
     assert dirty.status is Status.OK
     np.testing.assert_allclose(dirty.motion, clean.motion, atol=0.03)
 
 
 def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
     """Full gain to five times the flow's noise, a quarter from nearly ten times on."""
-    flow = good_flow()
-    noise = rng.normal(0.0, 1.0, flow.flow.shape).astype(np.float32)
-    config = replace(EXACT, flow_noise_px=0.3, max_horizontal_m_s=10.0, max_vertical_m_s=10.0)
+    noise = rng.normal(0.0, 1.0, FLOW.flow.shape).astype(np.float32)
+    task = set_to(flow_noise_px=0.3, max_horizontal_m_s=10.0, max_vertical_m_s=10.0)
     found = []
     for scale in (0.3, 1.5, 2.2):
-        result = one_frame(FlowField(flow.flow + scale * noise, flow.confidence), config)
+        result = one_frame(FlowField(FLOW.flow + scale * noise, FLOW.confidence), task)
         assert result.status is Status.OK
         found.append((result.residual_px, np.linalg.norm(result.velocity[:3])))
     (calm, full), (some, slower), (much, slowest) = found
@@ -218,42 +211,38 @@ def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
 
 
 def test_points_in_one_spot_are_degenerate():
-    flow = good_flow()
-    confidence = np.zeros_like(flow.confidence)
+    confidence = np.zeros_like(FLOW.confidence)
     confidence[56:64, 76:84] = 1.0
-    config = replace(EXACT, min_overlap=0.0, stride_px=2, max_condition=1e3)
+    task = set_to(min_overlap=0.0, stride_px=2, max_condition=1e3)
     # All points on the axis, so near to each other that turning looks like moving sideways.
-    result = one_frame(FlowField(flow.flow, confidence), config)
+    result = one_frame(FlowField(FLOW.flow, confidence), task)
     assert result.status in (Status.DEGENERATE, Status.NO_OVERLAP)
     assert not result.velocity.any()
 
 
-def test_an_error_that_does_not_fall_is_called_stuck():
-    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
-    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
-    flow, state, statuses = good_flow(), ServoState(), []
+def standing(engaged):
+    """Results of six seconds in which nothing moves."""
+    state, results = ServoState(), []
     for k in range(120):
-        step = inputs(k, flow, np.zeros(4), given_depth=given)
-        result, state = servo_step(task, state, step)
-        statuses.append(result.status)
+        result, state = seen_here(FLOW, state=state, k=k, engaged=engaged)
+        results.append(result)
+    return results
+
+
+def test_an_error_that_does_not_fall_is_called_stuck():
+    statuses = [result.status for result in standing(engaged=True)]
     seconds = statuses.index(Status.STUCK) * FRAME_NS * 1e-9
     assert seconds == pytest.approx(EXACT.progress_s, abs=0.2)
 
 
 def test_waiting_for_the_pilot_is_not_being_stuck():
-    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
-    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
-    flow, state = good_flow(), ServoState()
-    for k in range(120):
-        step = inputs(k, flow, np.zeros(4), given_depth=given, engaged=False)
-        result, state = servo_step(task, state, step)
-        assert result.status is Status.OK
-        assert not result.reached
+    results = standing(engaged=False)
+    assert {(result.status, result.reached) for result in results} == {(Status.OK, False)}
 
 
 def test_velocity_keeps_its_direction_when_it_saturates():
-    config = replace(EXACT, max_horizontal_m_s=0.05, gain_far=2.0, gain_near=2.0)
-    slow, fast = one_frame(good_flow(), config), one_frame(good_flow())
+    slow = one_frame(FLOW, set_to(max_horizontal_m_s=0.05, gain_far=2.0, gain_near=2.0))
+    fast = one_frame(FLOW)
     assert np.linalg.norm(slow.velocity[:2]) == pytest.approx(0.05)
     np.testing.assert_allclose(
         slow.velocity / np.linalg.norm(slow.velocity),
@@ -264,11 +253,6 @@ def test_velocity_keeps_its_direction_when_it_saturates():
 
 def test_the_vehicle_s_late_answer_is_predicted():
     """A vehicle already on its way is asked for less."""
-    config = replace(EXACT, response_s=0.6, gain_far=1.0, gain_near=1.0)  # far from the limit
-    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
-    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
-    speeds = []
-    for v in (0.0, 0.3):
-        step = inputs(0, good_flow(), np.array([v, 0, 0, 0]), given_depth=given)
-        speeds.append(servo_step(task, ServoState(), step)[0].velocity[0])
-    assert speeds[1] < speeds[0] - 0.05
+    task = set_to(response_s=0.6, gain_far=1.0, gain_near=1.0)  # far from the limit
+    at_rest, moving = (one_frame(FLOW, task, velocity=(v, 0, 0, 0)).velocity for v in (0.0, 0.3))
+    assert moving[0] < at_rest[0] - 0.05

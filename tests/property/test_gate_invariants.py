@@ -119,7 +119,7 @@ def try_to_fly(gate):
     gate.run(2.5)
     if gate.config.engage is Engage.PILOT:
         gate.beat(mode=VehicleMode.OFFBOARD)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.run(2.5)
 
 
@@ -134,7 +134,7 @@ def fly_again(gate):
     gate.follows_goal = True
     gate.latency_ns, gate.error_m = 40 * MS, 2.0
     gate.run(3.0)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     try_to_fly(gate)
 
 
@@ -183,7 +183,7 @@ def leap(gate, rng):
 def order(gate, rng):
     action = pick(rng, list(Action))
     argument = pick(rng, ["ab" * 32, "cd" * 32]) if action is Action.GOAL else ""
-    gate.tick(OperatorCommand(gate.now_ns, action, argument))
+    gate.command(action, argument)
 
 
 def disturb(gate, rng):

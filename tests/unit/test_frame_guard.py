@@ -16,6 +16,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 MS = 1_000_000
 NOW = 10_000 * MS
 CLOCK = b"c" * 16
+EXPECTED = Expected(CAMERA, CLOCK)
 
 
 def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK):
@@ -23,7 +24,7 @@ def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK):
 
 
 def judge(frame_header, state=None):
-    return check_header(state or GuardState(), frame_header, CAMERA, NOW, CLOCK)
+    return check_header(state or GuardState(), frame_header, EXPECTED, NOW)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +83,7 @@ def sent(rng, t_ms=9_990, damage=lambda payload, attachment: (payload, attachmen
     image = rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
     image = image if level is None else np.full_like(image, level)
     message = damage(*encode_frame(Frame(image, t_ms * MS, 7), PixelFormat.PNG, CLOCK))
-    return image, admit(GuardState(), *message, Expected(CAMERA, CLOCK), NOW)
+    return image, admit(GuardState(), *message, EXPECTED, NOW)
 
 
 def test_a_good_frame_is_admitted_and_remembered(rng):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.geometry.arrays import FloatArray, IntArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.robust_weights import weighted_median, weighted_slope
 from dfvs_core.servo.points import ServoPoints
 
@@ -35,22 +35,14 @@ _LEAST_LENGTH = 1e-9
 class CellErrors:
     """What is seen of each of n cells of the goal image, in the mean of its features.
 
-    ``size`` is a cell's width, ``cell`` (n,) names them and rises. ``xy`` (n, 2), where they are
-    seen, and ``error`` (n, 2) are in normalised units, ``z_m`` (n,) is their depth, ``weight`` (n,)
-    is positive.
+    ``size`` is a cell's width, ``cell`` (n,) names them and rises. ``error`` (n, 2) is in
+    normalised units, ``weight`` (n,) is positive.
     """
 
     size: float
     cell: FloatArray
-    xy: FloatArray
-    z_m: FloatArray
     error: FloatArray
     weight: FloatArray
-
-    @property
-    def xy_goal(self) -> FloatArray:
-        """Where the goal image shows them (n, 2)."""
-        return self.xy - self.error
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +94,8 @@ def by_cell(points: ServoPoints, size: float) -> CellErrors:
     column, row = np.floor(points.xy_goal / size).T
     cell, of_point = np.unique(row * _ROW + column, return_inverse=True)
     weight = np.asarray(np.bincount(of_point, points.weight), np.float64)
-
-    def mean(values: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(of_point, points.weight * values), np.float64) / weight
-
-    xy, error = (
-        np.stack([mean(v) for v in values.T], axis=1) for values in (points.xy, points.error)
-    )
-    return CellErrors(size, cell, xy, mean(points.z_m), error, weight)
+    sums = [np.bincount(of_point, points.weight * component) for component in points.error.T]
+    return CellErrors(size, cell, np.stack(sums, axis=1) / weight[:, None], weight)
 
 
 def _begin(points: ServoPoints, spacing: float, length: float) -> Reference:
@@ -123,17 +109,11 @@ def _fitting_size(points: ServoPoints, spacing: float) -> float:
     return float(_SAMPLES_WIDE * spacing * scale)
 
 
-def common_cells(first: CellErrors, second: CellErrors) -> tuple[IntArray, IntArray]:
-    """Where in the one and in the other (m,) the cells are that both show."""
-    _, in_first, in_second = np.intersect1d(
-        first.cell, second.cell, assume_unique=True, return_indices=True
-    )
-    return in_first, in_second
-
-
 def _compare(reference: CellErrors, now: CellErrors) -> tuple[float, float]:
     """Share of the reference's features that are in view, and what is left of their error."""
-    before, after = common_cells(reference, now)
+    _, before, after = np.intersect1d(
+        reference.cell, now.cell, assume_unique=True, return_indices=True
+    )
     share = float(reference.weight[before].sum() / reference.weight.sum())
     length = np.linalg.norm(reference.error[before], axis=1)
     left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _LEAST_LENGTH)

@@ -5,9 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
+from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
-from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
-from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.depth.source import (
+    ConstantDepth,
+    DepthInputs,
+    DepthSource,
+    DepthState,
+    EarlierView,
+    GivenDepth,
+    GoalLink,
+)
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -20,7 +29,6 @@ from dfvs_core.servo.goal_filter import restructured
 from dfvs_core.servo.level import level_points, real_pose
 from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import LEAST_POINTS, GridSamples, points_from_flow, sample_grid
-from dfvs_core.servo.structure.depth_choice import depth_source
 from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import filter_model
@@ -29,6 +37,19 @@ _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""
 _FIRST_PASSES = 5
 """The same for a first frame, whose pose is not predicted."""
+
+
+def depth_source(task: ServoTask) -> DepthSource:
+    """Depth source of a task; the camera sets the noise of a correspondence."""
+    config = task.config
+    if config.depth == "given":
+        return GivenDepth()
+    if config.depth == "constant":
+        return ConstantDepth(config.constant_depth_m)
+    noise = 1.5 * config.flow_noise_px / task.camera.fx
+    if config.depth == "flow":
+        return FlowDepth(config.flow_depth_alpha, fallback_m=config.constant_depth_m, noise=noise)
+    return MotionDepth(prior=config.constant_depth_m, pixel_noise=noise)
 
 
 def scaled(T: FloatArray, factor: float) -> FloatArray:
@@ -83,7 +104,7 @@ def _first_link(
     None where hardly any of the goal is seen. Where the frame's depth is known from the flight to
     another goal, the structure takes its unit, so that the metric scale stays what it is.
     """
-    source = depth_source(task.config, task.camera)
+    source = depth_source(task)
     xy = task.camera.normalise(samples.pixels)
     last = LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples)
     T = np.eye(4)
@@ -122,7 +143,7 @@ def estimate_depth(
 
     ``T_guess`` (4, 4) is the predicted pose of the goal in the virtual camera, in units.
     """
-    source = depth_source(task.config, task.camera)
+    source = depth_source(task)
     link, structure = None, state.depth
     if T_guess is not None:
         link = goal_link(task, inputs.attitude, samples, T_guess)
@@ -150,11 +171,8 @@ def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
 def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
     if depth is None:
         return None
-
-    def pick(values: Float32Array) -> Float32Array:
-        return values[stride // 2 :: stride, stride // 2 :: stride]
-
-    return DepthMap(pick(depth.z_m), pick(depth.validity))
+    grid = (slice(stride // 2, None, stride),) * 2
+    return DepthMap(depth.z_m[grid], depth.validity[grid])
 
 
 def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
@@ -163,7 +181,7 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
     A comparison costs as much as the match with the goal; done after the velocity was sent, it
     serves the frames to come and delays none.
     """
-    source = depth_source(task.config, task.camera)
+    source = depth_source(task)
     last, T_current_goal, estimate = state.last, state.T_current_goal, state.estimate
     if state.depth_map is None or last is None or T_current_goal is None or estimate is None:
         return state

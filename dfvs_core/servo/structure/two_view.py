@@ -15,6 +15,7 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import EarlierView
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import make_pose, skew, so3_exp, so3_log
 from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
 from dfvs_core.servo.exchange import EarlierMatch
@@ -72,8 +73,7 @@ class _Geometry:
     def sampson(self, rays: _Rays) -> FloatArray:
         """Signed Sampson distance (N,) of each correspondence, normalised units."""
         E = skew(self.direction) @ self.R
-        p = np.column_stack([rays.current, np.ones(len(rays.current))])
-        q = np.column_stack([rays.earlier, np.ones(len(rays.earlier))])
+        p, q = homogeneous(rays.current), homogeneous(rays.earlier)
         line, back = p @ E.T, q @ E
         slope = (line[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1)
         distance: FloatArray = (q * line).sum(axis=1) / np.sqrt(np.maximum(slope, 1e-18))
@@ -156,7 +156,7 @@ def _baseline(
 
     A point at inverse depth rho on the ray r is seen along ``R r + rho b``, b the baseline.
     """
-    turned = np.column_stack([rays.current, np.ones(len(rays.current))]) @ found.R.T
+    turned = homogeneous(rays.current) @ found.R.T
     a = found.direction[:2] - rays.earlier * found.direction[2]
     b = rays.earlier * turned[:, 2:] - turned[:, :2]
     parallax_sq = np.maximum((a * a).sum(axis=1), 1e-12)

@@ -90,11 +90,8 @@ def test_the_velocity_leads_to_the_goal(matcher, wall, mount):
 
 def test_a_vehicle_whose_attitude_is_never_told_is_led_by_the_law_alone(matcher, wall):
     """No mounting can be told from images alone: no motion to the side is asked for."""
-    servo, left_px, rising_m_s = (
-        dfvs.Servo(matcher, wall.picture(), CAMERA, MOUNT, AT_ONCE),
-        80.0,
-        [],
-    )
+    servo = dfvs.Servo(matcher, wall.picture(), CAMERA, MOUNT, AT_ONCE)
+    left_px, rising_m_s = 80.0, []
     for k in range(30):
         view = wall.picture(turned(shift=(left_px, 20.0)))
         result = servo.step(view, k * PERIOD_NS)

@@ -21,6 +21,7 @@ from dfvs_core.gate.events import Action
 
 KEY, OTHER_KEY = b"k" * 32, b"K" * 32
 DIGEST = "0123456789abcdef" * 4
+TOO_OLD = "rejected: its challenge was used or is too old"
 START_NS = 5_000_000_000
 
 
@@ -66,7 +67,7 @@ def test_another_command_with_a_used_challenge_is_rejected():
     gate.evaluate(order(challenge), START_NS)
     verdict = gate.evaluate(order(challenge), START_NS)
     assert verdict.action is None
-    assert verdict.text == "rejected: its challenge was used or is too old"
+    assert verdict.text == TOO_OLD
 
 
 def test_every_answer_is_for_the_bytes_that_were_sent():
@@ -74,9 +75,10 @@ def test_every_answer_is_for_the_bytes_that_were_sent():
     data = order(gate.challenge(START_NS))
     forged = altered(data, action="abort")
     for sent in (b"", forged, data, forged):
-        assert gate.evaluate(sent, START_NS).request == request_id(sent)
+        verdict = gate.evaluate(sent, START_NS)
+        assert verdict.request == request_id(sent)
+        assert verdict.text.startswith("accepted: " if sent is data else "rejected: ")
     assert len({request_id(data), request_id(forged), request_id(b"")}) == 3
-    assert gate.evaluate(forged, START_NS).text.startswith("rejected: ")
 
 
 def test_the_answer_that_the_state_machine_gave_is_the_one_that_is_repeated():
@@ -97,11 +99,6 @@ def test_the_oldest_answers_are_forgotten_and_their_commands_are_rejected():
     assert all(gate.evaluate(data, START_NS).is_repeated for data in sent[1:])
 
 
-def test_a_command_without_a_key_is_answered_by_its_id():
-    verdict = authority(key=None).evaluate(b"x", START_NS)
-    assert verdict.request == request_id(b"x")
-
-
 def test_a_used_challenge_is_replaced_at_once():
     gate = authority()
     first = gate.challenge(START_NS)
@@ -117,7 +114,7 @@ def test_the_challenge_of_the_last_period_is_accepted_once():
     later = START_NS + ROTATION_NS
     assert gate.challenge(later) != old
     assert gate.evaluate(order(old), later).action is Action.ENGAGE
-    assert gate.evaluate(order(old), later).action is None
+    assert gate.evaluate(order(old), later).text == TOO_OLD
 
 
 def test_a_challenge_lives_ten_seconds_from_when_it_was_drawn():
@@ -154,16 +151,16 @@ def test_two_periods_one_by_one_make_a_challenge_too_old():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"vehicle": "drone2"}, "another vehicle"),
+        ({"vehicle": "drone2"}, "command for another vehicle, 'drone2'"),
         ({"key": OTHER_KEY}, "wrong signature"),
-        ({"challenge": "challenge9"}, "too old"),
+        ({"challenge": "challenge9"}, "its challenge was used or is too old"),
+        ({"challenge": ""}, "its challenge was used or is too old"),
     ],
 )
 def test_what_is_not_for_us_is_rejected_with_its_reason(changes, reason):
     gate = authority()
     verdict = gate.evaluate(order(**{"challenge": gate.challenge(START_NS), **changes}), START_NS)
-    assert verdict.action is None
-    assert reason in verdict.text
+    assert (verdict.action, verdict.text) == (None, f"rejected: {reason}")
 
 
 @pytest.mark.parametrize(
@@ -188,7 +185,9 @@ def test_a_signed_order_for_one_goal_is_none_for_another():
 def test_without_a_key_nothing_is_accepted_and_no_challenge_is_shown():
     gate = authority(key=None)
     assert gate.challenge(START_NS) == ""
-    assert gate.evaluate(order("challenge0", key=b""), START_NS).action is None
+    for data in (order("challenge0", key=b""), b"x", b""):
+        text = "rejected: no command key is configured"
+        assert gate.evaluate(data, START_NS) == AuthorityAnswer(None, text, "", request_id(data))
 
 
 @given(st.binary(max_size=200))
@@ -204,14 +203,10 @@ def test_garbage_is_rejected(data):
         b'{"vehicle": "drone1"}',
         b"[" * 1000,
         b" " * (MAX_COMMAND_BYTES + 1),
-        altered(order("c"), format="dfvs-command/2"),
         altered(order("c"), action="arm"),
         altered(order("c"), extra=1),
-        altered(order("c"), nonce=""),
         altered(order("c"), nonce="g" * 32),
         altered(order("c"), nonce="0" * 33),
-        altered(order("c"), argument=DIGEST),
-        altered(order("c"), action="goal"),
         altered(order("c", Action.GOAL), argument=DIGEST.upper()),
     ],
 )
@@ -272,17 +267,7 @@ def test_the_last_challenge_counts_for_the_whole_next_period():
     assert gate.evaluate(order(old), now_ns).text == "accepted: engage"
 
 
-def test_no_challenge_at_all_is_never_a_right_one():
+def test_no_challenge_at_all_is_no_right_one_after_a_command_either():
     gate = authority()
-    verdict = gate.evaluate(order(""), START_NS)
-    assert verdict.action is None
     gate.evaluate(order(gate.challenge(START_NS)), START_NS)
-    assert gate.evaluate(order(""), START_NS).text == verdict.text
-
-
-def test_a_rejection_says_exactly_why():
-    assert authority(None).evaluate(b"", START_NS).text == "rejected: no command key is configured"
-    gate = authority()
-    assert gate.evaluate(b"", START_NS).text.startswith("rejected: ")
-    text = "rejected: its challenge was used or is too old"
-    assert gate.evaluate(order("unknown"), START_NS).text == text
+    assert gate.evaluate(order(""), START_NS).text == TOO_OLD

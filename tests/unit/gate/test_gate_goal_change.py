@@ -6,14 +6,10 @@ import pytest
 from gate_rehearsal import Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import OnDone, S
-from dfvs_core.gate.events import Action, OperatorCommand, VehicleMode
+from dfvs_core.gate.events import Action, VehicleMode
 from dfvs_core.gate.states import Cause, GateState
 
 GOAL = "ab" * 32
-
-
-def change_goal(gate, goal=GOAL):
-    return gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, goal))
 
 
 def at_goal(config=None):
@@ -28,7 +24,7 @@ def at_goal(config=None):
 @pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO])
 def test_what_moves_or_is_about_to_keeps_its_goal(state):
     gate = Rehearsal(auto_config()).until(state)
-    output = change_goal(gate)
+    output = gate.command(Action.GOAL, GOAL)
     assert output.refusal == f"rejected: the goal cannot change in {state}, command hold first"
     assert gate.machine.perception.goal == ""
     assert gate.state is state
@@ -36,14 +32,14 @@ def test_what_moves_or_is_about_to_keeps_its_goal(state):
 
 def test_a_vehicle_that_is_being_handed_over_keeps_its_goal():
     gate = at_goal(auto_config(on_done=OnDone.HOLD))
-    assert "cannot change in DONE" in change_goal(gate).refusal
+    assert "cannot change in DONE" in gate.command(Action.GOAL, GOAL).refusal
     assert gate.machine.perception.goal == ""
 
 
 def test_a_ready_gate_goes_back_to_its_checks():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
     gate.follows_goal = False
-    assert change_goal(gate).refusal == ""
+    assert gate.command(Action.GOAL, GOAL).refusal == ""
     assert gate.state is GateState.PREFLIGHT
     assert gate.last.cause is Cause.OPERATOR_GOAL
     gate.run(3.0)
@@ -56,7 +52,7 @@ def test_a_ready_gate_goes_back_to_its_checks():
 def test_the_checks_ask_for_the_new_goals_overlap():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
     gate.changes = {"overlap": 0.08}
-    change_goal(gate)
+    gate.command(Action.GOAL, GOAL)
     gate.run(3.0)
     assert gate.state is GateState.PREFLIGHT
     assert "overlap 8%" in gate.machine.reason
@@ -67,7 +63,7 @@ def test_from_the_goal_nothing_moves_until_the_next_one_is_seen(flaw):
     gate = at_goal()
     for name, value in flaw.items():
         setattr(gate, name, value)
-    change_goal(gate)
+    gate.command(Action.GOAL, GOAL)
     assert gate.state is GateState.HOLD
     gate.forget().run(2.5)
     assert gate.setpoints
@@ -79,7 +75,7 @@ def test_from_the_goal_nothing_moves_until_the_next_one_is_seen(flaw):
 
 def test_from_the_goal_the_next_one_is_flown_with_an_initial_response_check():
     gate = at_goal()
-    change_goal(gate)
+    gate.command(Action.GOAL, GOAL)
     assert not gate.machine.has_reached
     gate.forget().until(GateState.SERVO, 1.2)
     gate.run(0.6)
@@ -93,7 +89,7 @@ def test_waiting_at_the_goal_does_not_use_up_the_next_engagements_time():
     gate = at_goal(auto_config(max_engaged_ns=20 * S))
     gate.run(25.0)
     assert gate.state is GateState.DONE
-    change_goal(gate)
+    gate.command(Action.GOAL, GOAL)
     gate.until(GateState.SERVO).run(2.0)
     assert gate.state is GateState.SERVO
 
@@ -101,12 +97,12 @@ def test_waiting_at_the_goal_does_not_use_up_the_next_engagements_time():
 def test_a_new_goal_while_holding_waits_for_the_operator_who_ordered_to_hold():
     gate = Rehearsal(auto_config(), error_m=3.0).until(GateState.SERVO).run(3.0)
     assert max(v.speed_m_s for _, v in gate.setpoints) > 0.2  # its check has passed
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
-    assert change_goal(gate).refusal == ""
+    gate.command(Action.HOLD)
+    assert gate.command(Action.GOAL, GOAL).refusal == ""
     gate.forget().run(5.0)
     assert gate.state is GateState.HOLD
     assert not gate.moved()
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.until(GateState.SERVO, 1.2).run(0.5)
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-9
 
@@ -115,7 +111,7 @@ def test_a_new_goal_while_holding_begins_the_time_to_hold_anew():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
     gate.sees = False
     gate.until(GateState.HOLD).run(2.5)
-    change_goal(gate)
+    gate.command(Action.GOAL, GOAL)
     gate.run(2.5)
     assert gate.state is GateState.HOLD
     gate.run(1.0)
@@ -128,7 +124,7 @@ def test_after_a_takeover_a_new_goal_moves_nothing_until_engaged_again(mode):
     gate.beat(mode=mode)
     assert gate.state is GateState.RELEASED
     gate.forget()
-    assert change_goal(gate).refusal == ""
+    assert gate.command(Action.GOAL, GOAL).refusal == ""
     gate.run(3.0)
     assert gate.state is GateState.RELEASED
     assert not gate.setpoints
@@ -141,13 +137,13 @@ def test_a_goal_that_is_not_flown_yet_is_not_reached(end):
     if end == "taken over":
         gate.beat(mode=VehicleMode.POSITION)
     elif end == "stopped":
-        gate.tick(OperatorCommand(gate.now_ns, Action.ABORT))
+        gate.command(Action.ABORT)
     gate.run(2.0)
     assert gate.machine.is_finished
     assert gate.machine.has_reached
-    assert change_goal(gate).refusal == ""
+    assert gate.command(Action.GOAL, GOAL).refusal == ""
     assert not gate.machine.has_reached
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.run(0.5)
     assert gate.state is GateState.PREFLIGHT
     assert not gate.machine.has_reached
@@ -155,14 +151,14 @@ def test_a_goal_that_is_not_flown_yet_is_not_reached(end):
 
 def test_a_goal_that_is_refused_leaves_reached_what_it_was():
     gate = at_goal(auto_config(on_done=OnDone.HOLD))
-    assert change_goal(gate).refusal
+    assert gate.command(Action.GOAL, GOAL).refusal
     assert gate.machine.has_reached
 
 
 def test_a_goal_that_is_lost_counts_only_if_it_is_the_one_looked_for():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
-    change_goal(gate)
+    gate.command(Action.HOLD)
+    gate.command(Action.GOAL, GOAL)
     old = gate.report(lost=True, healthy=False, reason="no progress", goal="")
     gate.send([old])
     assert gate.state is GateState.HOLD

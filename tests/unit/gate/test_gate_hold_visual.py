@@ -7,13 +7,14 @@ import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config
 
 from dfvs_core.gate.config import MS, GateTiming, OnDone, S
-from dfvs_core.gate.events import Action, BadReport, ModeRequest, OperatorCommand, Stop, VehicleMode
+from dfvs_core.gate.events import Action, BadReport, ModeRequest, Stop, VehicleMode
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
 GOAL = "ab" * 32
 CONFIG = auto_config(on_done=OnDone.HOLD_VISUAL)
 NO_CHECK = dataclasses.replace(CONFIG, timing=GateTiming(response_ns=0))
+ZEROS = dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO)
 
 
 def at_goal(config=NO_CHECK, **changes):
@@ -54,12 +55,6 @@ def test_velocity_is_limited_and_slewed_as_in_servo():
     steps = [b - a for a, b in itertools.pairwise(speeds)]
     assert max(steps) <= 0.5 * 0.02 + 1e-9
     assert gate.setpoints[-1][1].forward_m_s == pytest.approx(0.5)
-
-
-def test_without_hold_visual_done_sends_zeros():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO)).forget().run(1.0)
-    assert gate.setpoints
-    assert not gate.moved()
 
 
 # --- data that are not good -----------------------------------------------------------------
@@ -103,14 +98,13 @@ def test_data_that_stay_away_end_the_flight():
 
 def test_a_lost_goal_aborts():
     gate = at_goal()
-    gate.now_ns += 5 * MS
-    output = gate.send([gate.report(healthy=False, lost=True, reason="wrong goal")])
+    output = gate.look(healthy=False, lost=True, reason="wrong goal")
     assert output.setpoint == ZERO
     assert (gate.state, gate.last.reason) == (GateState.ABORT, "goal lost: wrong goal")
 
 
 def test_a_goal_lost_where_zeros_are_sent_changes_nothing():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO))
+    gate = at_goal(ZEROS)
     gate.send([gate.report(healthy=False, lost=True, reason="wrong goal")])
     assert gate.state is GateState.DONE
 
@@ -171,30 +165,30 @@ def test_a_stop_gives_the_vehicle_to_hold():
 
 def test_the_operator_holds_at_the_goal_and_engages_again():
     gate = at_goal().run(0.5)
-    output = gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    output = gate.command(Action.HOLD)
     assert output.setpoint == ZERO
     assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.OPERATOR_HOLD)
     gate.forget().run(10.0)
     assert gate.state is GateState.HOLD
     assert not gate.moved()
     gate.changes = {"reached": True}
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.until(GateState.DONE)
 
 
 def test_an_order_to_hold_where_zeros_are_sent_changes_nothing():
-    gate = at_goal(dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO))
-    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+    gate = at_goal(ZEROS)
+    gate.command(Action.HOLD)
     assert gate.state is GateState.DONE
     gate.follows_goal = True
-    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, GOAL))
+    gate.command(Action.GOAL, GOAL)
     gate.until(GateState.SERVO, 1.2)  # that order holds nothing
 
 
 def test_another_goal_is_flown_as_a_new_engagement():
     gate = at_goal(dataclasses.replace(CONFIG, max_engaged_ns=20 * S)).run(15.0)
     gate.asked, gate.error_m = (0.4, 0.0, 0.0, 0.0), 1.0
-    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, GOAL))
+    gate.command(Action.GOAL, GOAL)
     assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.OPERATOR_GOAL)
     assert not gate.machine.has_reached
     gate.forget().until(GateState.SERVO, 1.2).run(0.9)
@@ -210,17 +204,17 @@ def test_another_goal_in_a_hold_at_the_goal_is_a_new_engagement_as_well(is_order
     config = dataclasses.replace(NO_CHECK, hold_visual_ns=4 * S, max_engaged_ns=15 * S)
     gate = at_goal(config)
     if is_ordered:
-        gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
+        gate.command(Action.HOLD)
     else:
         gate.send([gate.report(healthy=False)])
-    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, GOAL))
+    gate.command(Action.GOAL, GOAL)
     ordered_ns = gate.now_ns
     assert gate.state is GateState.HOLD
     assert not gate.machine.has_reached
     if is_ordered:
         gate.run(2.0)
         assert gate.state is GateState.HOLD
-        gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+        gate.command(Action.ENGAGE)
     gate.until(GateState.SERVO, 1.2)
     gate.until(GateState.ABORT, 16.0)
     assert gate.last.reason == "engaged too long: 15 s allowed"
@@ -248,8 +242,7 @@ def test_until_the_check_has_passed_the_goal_is_held_at_reduced_speed():
 
 def test_a_wrong_mounting_aborts_at_the_goal():
     gate = at_goal_from_the_start()
-    gate.now_ns += 5 * MS
-    gate.send([gate.report(mounting_score=-6.0)])
+    gate.look(mounting_score=-6.0)
     assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.WRONG_MOUNTING)
 
 

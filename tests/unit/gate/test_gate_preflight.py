@@ -52,20 +52,6 @@ def test_an_estimate_that_the_autopilot_calls_invalid_is_refused():
     assert "no attitude" in gate.machine.reason
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"healthy": False, "reason": "too dark"}, "too dark"),
-        ({"overlap": 0.08}, "overlap 8%, 9% needed"),
-        ({"healthy": False, "lost": True, "reason": "wrong goal"}, "goal lost"),
-    ],
-)
-def test_a_view_that_does_not_fit_is_refused(changes, reason):
-    gate = Rehearsal(pilot_config(), changes=changes).run(5.0)
-    assert gate.state is GateState.PREFLIGHT
-    assert reason in gate.machine.reason
-
-
 def test_no_frames_are_refused_with_perceptions_own_reason():
     gate = Rehearsal(pilot_config())
     gate.sees = False
@@ -80,13 +66,10 @@ def test_a_battery_limit_of_zero_asks_for_no_battery():
     gate.until(GateState.READY)
 
 
-def test_messages_that_never_came_are_named():
+def test_a_message_that_never_came_is_named():
     gate = Rehearsal(pilot_config())
     machine = GateMachine(gate.config, gate.now_ns)
     machine.step(gate.now_ns, [gate.heartbeat()])
-    reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
-    assert reasons["health"] == "none heard yet"
-    assert reasons["parameters"] == "not read back yet"
     events = [e for e in gate.nominal() if not hasattr(e, "in_air")]
     machine.step(gate.now_ns + MS, events)
     reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
@@ -138,16 +121,3 @@ def test_too_few_good_frames_a_second_are_refused(every, starts):
         reasons.add(gate.machine.reason)
     assert (gate.state is GateState.READY) is starts
     assert starts or any("5 needed" in reason for reason in reasons)
-
-
-def test_what_is_wrong_comes_with_what_to_do_and_what_is_right_with_what_was_found():
-    gate = Rehearsal(pilot_config()).until(GateState.READY)
-    found = {check.name: check for check in gate.machine.checks()}
-    assert all(check.ok and not check.remedy for check in found.values())
-    assert found["frames"].detail == "50.0 a second, results 40 ms after capture"
-    assert found["goal"].detail == "overlap 80%"
-    assert found["battery"].detail == "90% left"
-    machine = GateMachine(gate.config, gate.now_ns)
-    wrong = [check for check in machine.checks() if check.refuses]
-    assert len(wrong) >= 5
-    assert all(check.detail and check.remedy for check in wrong)

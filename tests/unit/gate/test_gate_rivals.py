@@ -13,7 +13,12 @@ from dfvs_core.gate.events import (
     VelocityTarget,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
-from dfvs_core.gate.other_commanders import SEEN_NS, UNEXPLAINED_TARGETS, OtherCommanders
+from dfvs_core.gate.other_commanders import (
+    MAX_UNEXPLAINED_M_S,
+    SEEN_NS,
+    UNEXPLAINED_TARGETS,
+    OtherCommanders,
+)
 from dfvs_core.gate.states import Cause, GateState
 
 NO_CHECK = GateTiming(response_ns=0)
@@ -79,6 +84,19 @@ def test_a_foreign_setpoint_forbids_to_engage_for_five_seconds():
     assert gate.until(GateState.SERVO).state is GateState.SERVO  # an old one counts no more
 
 
+def test_for_exactly_five_seconds_a_foreign_setpoint_is_named():
+    others = OtherCommanders()
+    others.update(ForeignSetpoint(7, "x"), 0.0)
+    assert others.preflight_fault(7 + SEEN_NS) == "somebody else sends setpoints (x)"
+    assert others.preflight_fault(8 + SEEN_NS) == ""
+
+
+def test_every_other_service_is_named():
+    others = OtherCommanders()
+    others.update(OtherServices(1, engaged=("a", "b")), 0.0)
+    assert others.flight_fault(0) == (Cause.TWO_COMMANDERS, "another service is engaged (a, b)")
+
+
 def odd_targets(gate, count):
     for _ in range(count):
         gate.now_ns += 20 * MS
@@ -116,34 +134,44 @@ def test_the_velocity_that_was_asked_for_is_nobody_elses():
     assert gate.state is GateState.SERVO
 
 
-def judged(velocity, sent, yaw_rad=0.0, age_ns=0):
-    """Whether a target counts as odd, against setpoints of which the last one is older."""
-    others = OtherCommanders()
-    now_ns = 10 * S
-    for setpoint in sent:
-        others.sent(setpoint, now_ns - age_ns)
+def beat(others, t_ns):
+    """A heartbeat that shows OFFBOARD."""
+    others.on_heartbeat(Heartbeat(t_ns, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+
+
+def judged(others, velocity, now_ns, yaw_rad=0.0):
+    """Whether a target counts as odd: the first one before a heartbeat, the others after it."""
     others.update(VelocityTarget(now_ns, velocity), yaw_rad)
-    others.on_heartbeat(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    beat(others, now_ns + 1)
     for i in range(UNEXPLAINED_TARGETS):
         others.update(VelocityTarget(now_ns + 2 + i, velocity), yaw_rad)
     return others.flight_fault(0) is not None
 
 
+FORWARD, RIGHT = BodyVelocity(0.4), BodyVelocity(0.0, 0.4)
+
+
 @pytest.mark.parametrize(
-    ("velocity", "yaw_rad", "is_odd"),
+    ("sent", "velocity", "yaw_rad", "is_odd"),
     [
-        ((0.4, 0.0, 0.0), 0.0, False),
-        ((0.59, 0.0, 0.0), 0.0, False),
-        ((0.61, 0.0, 0.0), 0.0, True),
-        ((0.4, 0.0, 0.21), 0.0, True),
-        ((0.0, 0.4, 0.0), math.pi / 2, False),
-        ((0.4, 0.0, 0.0), math.pi / 2, True),
-        ((math.nan, 0.0, 0.0), 0.0, False),
-        ((0.9, 0.0, 0.0), math.nan, False),
+        (FORWARD, (0.4, 0.0, 0.0), 0.0, False),
+        (FORWARD, (0.59, 0.0, 0.0), 0.0, False),
+        (FORWARD, (0.61, 0.0, 0.0), 0.0, True),
+        (FORWARD, (0.4, 0.0, 0.21), 0.0, True),
+        (FORWARD, (0.0, 0.4, 0.0), math.pi / 2, False),
+        (FORWARD, (0.4, 0.0, 0.0), math.pi / 2, True),
+        (RIGHT, (-0.4, 0.0, 0.0), math.pi / 2, False),  # south, of who heads east
+        (RIGHT, (0.4, 0.0, 0.0), math.pi / 2, True),
+        (FORWARD, (math.nan, 0.0, 0.0), 0.0, False),
+        (FORWARD, (0.9, 0.0, 0.0), math.nan, False),
+        (ZERO, (MAX_UNEXPLAINED_M_S, 0.0, 0.0), 0.0, False),
+        (ZERO, (math.nextafter(MAX_UNEXPLAINED_M_S, 1.0), 0.0, 0.0), 0.0, True),
     ],
 )
-def test_a_target_is_compared_in_the_vehicles_heading(velocity, yaw_rad, is_odd):
-    assert judged(velocity, [BodyVelocity(0.4)], yaw_rad) is is_odd
+def test_a_target_is_compared_in_the_vehicles_heading(sent, velocity, yaw_rad, is_odd):
+    others = OtherCommanders()
+    others.sent(sent, 10 * S)
+    assert judged(others, velocity, 10 * S, yaw_rad) is is_odd
 
 
 @pytest.mark.parametrize(("forward", "is_odd"), [(0.99, False), (0.55, False), (0.5, True)])
@@ -151,23 +179,42 @@ def test_any_setpoint_of_the_last_half_second_explains_a_target(forward, is_odd)
     others = OtherCommanders()
     for i in range(100):
         others.sent(BodyVelocity(0.01 * i), i * 20 * MS)
-    now_ns = 99 * 20 * MS
-    others.update(VelocityTarget(now_ns, (forward, 0.0, 0.0)), 0.0)
-    others.on_heartbeat(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    for i in range(UNEXPLAINED_TARGETS):
-        others.update(VelocityTarget(now_ns + 2 + i, (forward, 0.0, 0.0)), 0.0)
-    assert (others.flight_fault(0) is not None) is is_odd
+    assert judged(others, (forward, 0.0, 0.0), 99 * 20 * MS) is is_odd
+
+
+@pytest.mark.parametrize(("late_ns", "is_odd"), [(0, False), (1, True)])
+def test_what_was_sent_half_a_second_ago_still_explains_a_target(late_ns, is_odd):
+    others = OtherCommanders()
+    for t_ns, forward_m_s in ((0, 0.5), (10, 0.0), (10 + S // 2 + late_ns, 0.0)):
+        others.sent(BodyVelocity(forward_m_s), t_ns)
+    assert judged(others, (0.5, 0.0, 0.0), S) is is_odd
 
 
 def test_without_a_setpoint_of_ours_no_target_is_odd():
-    assert judged((5.0, 0.0, 0.0), []) is False
+    assert judged(OtherCommanders(), (5.0, 0.0, 0.0), S) is False
 
 
-def test_odd_targets_lapse_when_none_came_for_a_second():
+def test_a_heartbeat_as_old_as_the_first_odd_target_confirms_nothing():
+    others = OtherCommanders()
+    others.sent(ZERO, 0)
+    others.update(VelocityTarget(5, (1.0, 0.0, 0.0)), 0.0)
+    beat(others, 5)
+    for t_ns in (6, 7, 8, 9):
+        others.update(VelocityTarget(t_ns, (1.0, 0.0, 0.0)), 0.0)
+    assert others.flight_fault(0) is None
+
+
+def after_an_odd_target():
+    """Others after one odd target, and a heartbeat that confirms OFFBOARD."""
     others = OtherCommanders()
     others.sent(ZERO, 0)
     others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
-    others.on_heartbeat(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    beat(others, 2)
+    return others
+
+
+def test_odd_targets_lapse_when_none_came_for_a_second():
+    others = after_an_odd_target()
     others.update(VelocityTarget(1 * S + 2, (0.0, 0.0, 0.0)), 0.0)  # a good one, a second later
     for i in range(UNEXPLAINED_TARGETS):
         others.update(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
@@ -176,10 +223,7 @@ def test_odd_targets_lapse_when_none_came_for_a_second():
 
 def test_a_good_target_soon_after_an_odd_one_clears_nothing():
     """Between two setpoints of a stranger the autopilot may fly one of ours."""
-    others = OtherCommanders()
-    others.sent(ZERO, 0)
-    others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
-    others.on_heartbeat(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    others = after_an_odd_target()
     others.update(VelocityTarget(1 + S, (0.0, 0.0, 0.0)), 0.0)
     for i in range(UNEXPLAINED_TARGETS):
         assert others.flight_fault(0) is None

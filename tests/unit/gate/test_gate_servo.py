@@ -21,6 +21,7 @@ from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
 NO_CHECK = auto_config(timing=GateTiming(response_ns=0))
+HANDS_OVER = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
 
 
 def flying(config=NO_CHECK, **changes):
@@ -63,32 +64,33 @@ def test_zero_follows_within_300_ms_of_the_last_good_frame():
 
 
 @pytest.mark.parametrize(
-    ("changes", "cause"),
+    ("changes", "reason"),
     [
-        ({"healthy": False, "reason": "black"}, Cause.REPORT_UNHEALTHY),
-        ({"velocity": (math.nan, 0.0, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, math.inf, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, 11.0, 0.0, 0.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.0, 0.0, 0.0, -11.0)}, Cause.REPORT_REJECTED),
-        ({"velocity": (0.1, 0.1)}, Cause.REPORT_REJECTED),
-        ({"error_m": math.nan}, Cause.REPORT_REJECTED),
-        ({"error_m": -0.1}, Cause.REPORT_REJECTED),
-        ({"error_rad": -0.1}, Cause.REPORT_REJECTED),
-        ({"overlap": 1.1}, Cause.REPORT_REJECTED),
-        ({"overlap": -0.1}, Cause.REPORT_REJECTED),
-        ({"feature_error": math.nan}, Cause.REPORT_REJECTED),
-        ({"feature_error": math.inf}, Cause.REPORT_REJECTED),
-        ({"feature_error": -1.0}, Cause.REPORT_REJECTED),
-        ({"mounting_score": math.nan}, Cause.REPORT_REJECTED),
-        ({"mounting_score": -math.inf}, Cause.REPORT_REJECTED),
+        ({"healthy": False, "reason": "black"}, "perception unhealthy: black"),
+        ({"velocity": (math.nan, 0.0, 0.0, 0.0)}, "report rejected: numbers that are not finite"),
+        ({"velocity": (0.0, math.inf, 0.0, 0.0)}, "report rejected: numbers that are not finite"),
+        ({"velocity": (0.0, 11.0, 0.0, 0.0)}, "report rejected: speed over 10 m/s"),
+        ({"velocity": (0.0, 0.0, 0.0, -11.0)}, "report rejected: yaw rate over 10 rad/s"),
+        ({"velocity": (0.1, 0.1)}, "report rejected: numbers that are not finite"),
+        ({"error_m": math.nan}, "report rejected: numbers that are not finite"),
+        ({"error_m": -0.1}, "report rejected: error or overlap out of range"),
+        ({"error_rad": math.nan}, "report rejected: numbers that are not finite"),
+        ({"error_rad": -0.1}, "report rejected: error or overlap out of range"),
+        ({"overlap": 1.1}, "report rejected: error or overlap out of range"),
+        ({"overlap": -0.1}, "report rejected: error or overlap out of range"),
+        ({"feature_error": math.nan}, "report rejected: feature error out of range"),
+        ({"feature_error": math.inf}, "report rejected: feature error out of range"),
+        ({"feature_error": -0.1}, "report rejected: feature error out of range"),
+        ({"mounting_score": math.nan}, "report rejected: mounting score out of range"),
+        ({"mounting_score": math.inf}, "report rejected: mounting score out of range"),
+        ({"mounting_score": -math.inf}, "report rejected: mounting score out of range"),
     ],
 )
-def test_a_bad_report_stops_in_the_same_step(changes, cause):
+def test_a_bad_report_stops_in_the_same_step(changes, reason):
     gate = flying()
-    gate.now_ns += 5 * MS
-    output = gate.send([gate.report(**changes)])
+    output = gate.look(**changes)
     assert output.setpoint == ZERO
-    assert (gate.state, gate.last.cause) == (GateState.HOLD, cause)
+    assert (gate.state, gate.last.reason) == (GateState.HOLD, reason)
 
 
 def test_a_report_of_the_future_stops():
@@ -122,12 +124,13 @@ def test_a_datagram_that_is_no_report_stops():
     assert gate.last.reason == gate.machine.reason == "report rejected: not JSON"
 
 
-def test_a_gate_that_stalled_stops():
+@pytest.mark.parametrize(("late_ns", "stalled"), [(0, False), (1, True)])
+def test_a_gate_that_stalled_stops(late_ns, stalled):
     gate = flying()
-    gate.now_ns += 151 * MS
+    gate.now_ns += 150 * MS + late_ns
     output = gate.send([])
-    assert output.setpoint == ZERO
-    assert gate.last.cause is Cause.GATE_STALLED
+    assert gate.state is (GateState.HOLD if stalled else GateState.SERVO)
+    assert (output.setpoint == ZERO) is stalled
 
 
 def test_a_good_report_right_after_a_fault_does_not_undo_it():
@@ -152,7 +155,7 @@ def test_after_a_second_of_good_data_hold_moves_again_from_zero():
     gate.send([gate.report(healthy=False)])
     hold_ns = gate.now_ns
     gate.forget().until(GateState.SERVO)
-    assert gate.now_ns - hold_ns >= 1 * S
+    assert gate.now_ns - hold_ns == 1 * S + TICK_NS  # the first good report comes a tick later
     assert gate.last.cause is Cause.DATA_GOOD
     assert [v for t, v in gate.setpoints if t < gate.now_ns] == [ZERO] * (len(gate.setpoints) - 1)
     assert gate.setpoints[-1][1].speed_m_s <= 0.5 * 0.02 + 1e-9
@@ -173,7 +176,7 @@ def test_hold_over_three_seconds_aborts():
     gate.until(GateState.HOLD)
     start_ns = gate.now_ns
     gate.until(GateState.ABORT)
-    assert 3 * S <= gate.now_ns - start_ns <= 3 * S + 40 * MS
+    assert gate.now_ns - start_ns == 3 * S + TICK_NS
     assert gate.last.reason == "held too long: last good frame too old: 260 ms"
 
 
@@ -247,8 +250,7 @@ def test_done_streams_zeros_for_ever():
 
 
 def test_done_can_hand_over_to_the_autopilots_hold():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes = {"reached": True}
     gate.until(GateState.DONE)
     assert gate.requests[-1][1] is ModeRequest.HOLD
@@ -263,8 +265,7 @@ def test_done_can_hand_over_to_the_autopilots_hold():
 
 def test_a_hold_that_is_not_confirmed_is_asked_for_once_more_and_left_to_the_autopilot():
     """A request may be lost, or refused: PX4 needs a global position for Hold."""
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE).forget()
     gate.run(2.0)
@@ -279,8 +280,7 @@ def test_a_hold_that_is_not_confirmed_is_asked_for_once_more_and_left_to_the_aut
 
 
 def test_another_mode_than_the_awaited_hold_is_a_takeover():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
-    gate = Rehearsal(config).until(GateState.SERVO)
+    gate = Rehearsal(HANDS_OVER).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE)
     gate.beat(mode=VehicleMode.POSITION)
@@ -325,13 +325,6 @@ def test_a_fault_of_the_vehicle_aborts(state, attribute, value, cause, within_ns
     assert gate.last.cause is cause
     assert gate.now_ns - start_ns <= within_ns + 20 * MS
     assert gate.setpoints[-1][1] == ZERO
-
-
-def test_a_position_that_moves_as_its_velocity_says_is_no_jump():
-    gate = flying()
-    gate.vehicle.position_m, gate.vehicle.velocity_m_s = (1.0, 2.45, -3.0), (0.0, 1.0, 0.0)
-    gate.tick()
-    assert gate.state is GateState.SERVO
 
 
 def test_an_estimator_that_calls_itself_invalid_aborts():
@@ -379,7 +372,7 @@ def test_abort_asks_for_hold_once_and_then_falls_silent():
     start_ns = gate.now_ns
     gate.run(10.0)
     assert len(gate.requests) == 1
-    assert gate.setpoints[-1][0] - start_ns <= 1500 * MS
+    assert gate.setpoints[-1][0] - start_ns == 1500 * MS
     assert not gate.moved()
     assert gate.machine.is_finished
 
@@ -512,14 +505,14 @@ def test_the_operator_may_engage_again(state):
 def test_one_order_engages_again_where_orders_engage():
     config = auto_config(engage=Engage.COMMAND, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.READY)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.until(GateState.SERVO)
     gate.changes = {"reached": True}
     gate.until(GateState.DONE)
     gate.beat(mode=VehicleMode.HOLD)
     assert gate.machine.has_reached
     gate.run(0.2)
-    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.command(Action.ENGAGE)
     gate.until(GateState.ENGAGE)
     assert not gate.machine.has_reached
 
@@ -543,14 +536,6 @@ def test_the_operator_holds_and_engages_again():
     gate.until(GateState.SERVO, 0.1)
 
 
-def test_a_hold_ordered_during_engage_holds():
-    gate = in_confirmed(GateState.ENGAGE)
-    gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
-    gate.until(GateState.HOLD)
-    assert gate.last.cause is Cause.OPERATOR_HOLD
-    assert not gate.moved()
-
-
 def test_a_held_gate_that_is_engaged_again_without_data_aborts_after_three_seconds():
     gate = in_confirmed(GateState.SERVO)
     gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
@@ -559,12 +544,6 @@ def test_a_held_gate_that_is_engaged_again_without_data_aborts_after_three_secon
     assert gate.state is GateState.HOLD
     gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.ABORT, 3.1)
-
-
-def test_an_order_to_engage_while_flying_changes_nothing():
-    gate = in_confirmed(GateState.SERVO)
-    gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
-    assert gate.state is GateState.SERVO
 
 
 def test_the_operator_aborts():

@@ -1,30 +1,18 @@
 """What the gate remembers of reports, by itself."""
 
 import pytest
+from gate_rehearsal import Rehearsal
 
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor, is_late
 from dfvs_core.gate.config import MS, GateTiming
 from dfvs_core.gate.states import Cause
-from dfvs_core.messages.link import PerceptionReport
 
 NOW = 10_000 * MS
 TIMING = GateTiming()
 
 
 def report(age_ms=40, **changes):
-    values = {
-        "seq": 1,
-        "t_capture_ns": NOW - age_ms * MS,
-        "velocity": (0.1, 0.0, 0.0, 0.0),
-        "healthy": True,
-        "reached": False,
-        "lost": False,
-        "reason": "",
-        "error_m": 1.0,
-        "error_rad": 0.1,
-        "overlap": 0.8,
-    }
-    return PerceptionReport(**{**values, **changes})
+    return Rehearsal().report(**{"t_capture_ns": NOW - age_ms * MS} | changes).report
 
 
 @pytest.fixture
@@ -61,7 +49,7 @@ def test_a_late_result_leaves_the_last_good_frame_as_it_is(sight):
     first = report()
     sight.update(first, NOW)
     later = NOW + 201 * MS
-    assert sight.update(report(t_capture_ns=NOW, velocity=(0.4, 0.0, 0.0, 0.0)), later) is None
+    assert sight.update(report(t_capture_ns=NOW, velocity=(0.1, 0.0, 0.0, 0.0)), later) is None
     assert sight.good is first
     assert sight.last_capture_ns == first.t_capture_ns
     assert sight.good_for_ns(later) == 201 * MS

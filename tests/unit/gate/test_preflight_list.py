@@ -157,10 +157,10 @@ def test_parameters_with_refusals_and_with_advice():
     ],
 )
 def test_a_view_that_does_not_fit(changes, name, detail, remedy):
-    gate = ready()
-    gate.changes = changes
-    gate.tick()
+    gate = Rehearsal(pilot_config(), changes=changes).run(5.0)
     assert listed(gate)[name] == Check(name, False, detail, remedy)
+    assert gate.state is GateState.PREFLIGHT
+    assert f"{name}: {detail}" in gate.machine.reason
 
 
 @pytest.mark.parametrize("score", [None, 0.0, math.nextafter(5.0, 0.0), math.nextafter(-5.0, 0.0)])

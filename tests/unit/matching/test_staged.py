@@ -1,12 +1,14 @@
 """The staged matcher around a scripted point matcher: sizes, features, and refusals."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.staged import StagedMatcher
@@ -52,18 +54,19 @@ def pictures():
 
 @pytest.mark.parametrize(
     ("size", "working_size"),
-    [((480, 640), (240, 320)), ((240, 320), (240, 320)), ((720, 1280), (208, 370))],
+    [
+        ((480, 640), (240, 320)),
+        ((240, 320), (240, 320)),
+        ((720, 1280), (208, 370)),
+        ((120, 160), (120, 160)),
+    ],
 )
 def test_the_working_size_has_at_most_as_many_pixels_as_320_x_240(size, working_size):
+    """A smaller image is not enlarged."""
     image = np.zeros((*size, 3), np.uint8)
     prepared = StagedMatcher(KnownPoints(640)).encode(image)
     assert prepared.size == working_size
     assert prepared.grey.shape == working_size
-
-
-def test_small_images_are_not_enlarged():
-    prepared = StagedMatcher(KnownPoints(640)).encode(np.zeros((120, 160, 3), np.uint8))
-    assert prepared.size == (120, 160)
 
 
 @pytest.mark.parametrize("width_px", [160, 320, 640, 1000])
@@ -109,16 +112,15 @@ def test_released_features_are_encoded_anew_and_match_alike(pictures):
 def test_an_image_of_another_matcher_is_refused(pictures):
     matcher = StagedMatcher(KnownPoints(320))
     mine, foreign = matcher.encode(pictures[0]), ImageFeatures((HEIGHT, WIDTH))
-    nothing = FlowField(
-        np.zeros((HEIGHT, WIDTH, 2), np.float32), np.zeros((HEIGHT, WIDTH), np.float32)
-    )
-    for current, other in ((mine, foreign), (foreign, mine)):
-        with pytest.raises(ImageError, match="another matcher"):
-            matcher.match(current, other)
-        with pytest.raises(ImageError, match="another matcher"):
-            matcher.track(current, other, nothing)
-        with pytest.raises(ImageError, match="another matcher"):
-            matcher.extend(current, other, nothing)
+    nothing = empty_flow((HEIGHT, WIDTH))
+    for pair in ((mine, foreign), (foreign, mine)):
+        for attempt in (
+            partial(matcher.match, *pair),
+            partial(matcher.track, *pair, nothing),
+            partial(matcher.extend, *pair, nothing),
+        ):
+            with pytest.raises(ImageError, match="another matcher"):
+                attempt()
 
 
 def test_images_of_different_working_sizes_are_refused(pictures):

@@ -7,7 +7,7 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField, empty_flow
-from dfvs_core.matching.points import NO_MATCHES, PointMatches
+from dfvs_core.matching.points import NO_MATCHES
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.track import extend, track
 from dfvs_core.matching.warping import pixel_grid
@@ -16,6 +16,8 @@ CONFIG, SIZE = MatchingConfig(), (HEIGHT, WIDTH)
 MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
 TRUTH = exact_flow(MOTION)
 VISIBLE = inside(TRUTH, margin=8.0)
+PART = np.zeros(SIZE, np.float32)
+PART[90:150, 130:190] = 1.0
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +64,7 @@ def test_a_rough_prediction_is_searched_from_twice(walls, frame):
 
 
 def test_a_part_that_was_confident_grows_to_all_that_is_in_view(walls, frame):
-    part = np.zeros(SIZE, np.float32)
-    part[90:150, 130:190] = 1.0
-    field = track(frame, goal(walls), FlowField(prediction().flow, part), CONFIG)
+    field = track(frame, goal(walls), FlowField(prediction().flow, PART), CONFIG)
     assert np.mean(field.confidence[VISIBLE] > 0.5) > 0.95
 
 
@@ -123,20 +123,9 @@ def test_the_prediction_is_left_as_it_was(walls, frame):
     np.testing.assert_array_equal(predicted.confidence, kept[1])
 
 
-WRONG = FlowField(np.full((*SIZE, 2), (40.0, 25.0), np.float32), np.zeros(SIZE, np.float32))
-
-
-def falsely_locked(part=(slice(90, 150), slice(130, 190))):
-    """A flow that is confident, and wrong, in a part of the image."""
-    confidence = np.zeros(SIZE, np.float32)
-    confidence[part] = 1.0
-    return FlowField(WRONG.flow, confidence)
-
-
 def few(matches, count=60):
     """As many of the matches, anywhere in the image."""
-    kept = np.random.default_rng(3).permutation(len(matches))[:count]
-    return PointMatches(matches.current[kept], matches.other[kept], matches.confidence[kept])
+    return matches.select(np.random.default_rng(3).permutation(len(matches))[:count])
 
 
 POINT = FlowField(
@@ -151,9 +140,8 @@ def true_matches():
 
 def test_sparse_matches_lead_out_of_a_false_lock_that_tracking_stays_in(walls, frame):
     """As on one of several things that are alike."""
-    found = extend(
-        frame, goal(walls), falsely_locked(), lambda *_: few(true_matches(), 200), CONFIG
-    )
+    wrong = FlowField(np.full((*SIZE, 2), (40.0, 25.0), np.float32), PART)
+    found = extend(frame, goal(walls), wrong, lambda *_: few(true_matches(), 200), CONFIG)
     assert np.mean(errors(found, TRUTH)[VISIBLE] < 1.0) > 0.98
     assert np.mean(found.confidence[VISIBLE] > 0.5) > 0.9
 

@@ -18,8 +18,19 @@ from dfvs_core.perception.goal_verification import GoalVerifier, matched_texture
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.exchange import Status
 
-PERIOD_NS = 40_000_000
-PER_SECOND = 25
+PERIOD_NS = 80_000_000
+PER_SECOND = 12.5
+SIZE = (240, 320)
+
+
+def still(confidence=0.0):
+    """Flow of a view that stands where the goal is; its confidence is a number, or (H, W)."""
+    sure = np.broadcast_to(np.asarray(confidence, np.float32), SIZE)
+    return FlowField(np.zeros((*SIZE, 2), np.float32), sure.copy())
+
+
+def verifier_of(goal, least=0.7):
+    return GoalVerifier(SiftImage(goal, MatchingConfig()), least)
 
 
 class Counting:
@@ -63,7 +74,7 @@ def false_goal(goal, elsewhere):
     """Two rejections, a second apart."""
     matcher, reports, progress = Counting(), [], []
     flight = flight_to(goal, matcher)
-    for k in range(60):
+    for k in range(30):
         reports += fly(flight, [elsewhere], first=k)
         progress.append(flight._state.monitor.stop.progress)
     return FalseGoal(matcher, reports, progress)
@@ -74,7 +85,7 @@ def flight_to(goal, matcher=None, **settings):
 
 
 def fly(flight, views, engaged=True, first=0):
-    """Reports of views, 25 a second, of a vehicle at rest."""
+    """Reports of views, a period apart, of a vehicle at rest."""
     reports = []
     for k, view in enumerate(views, first):
         motion = dataclasses.replace(Motion.at_rest(0.0, 0.0), t_ns=k * PERIOD_NS)
@@ -83,7 +94,7 @@ def fly(flight, views, engaged=True, first=0):
 
 
 def test_at_the_goal_it_is_reached(goal):
-    reports = fly(flight_to(goal), [goal] * 40)
+    reports = fly(flight_to(goal), [goal] * 20)
     assert all(report.healthy for report in reports)
     assert reports[-1].reached
 
@@ -103,20 +114,20 @@ def test_another_place_above_the_same_floor_is_never_reached(goal):
     """A floor whose pattern repeats fits wherever a tile is above another."""
     view = Wall(texture(np.random.default_rng(22))).picture()
     view[55:] = goal[55:]
-    reports = fly(flight_to(goal), [view] * 60)
+    reports = fly(flight_to(goal), [view] * 30)
     assert not any(report.reached for report in reports)
     assert not all(report.healthy for report in reports)
 
 
 def test_without_verification_it_would_have_been_reached(goal, elsewhere):
     """So the two tests above do show what keeps it from that."""
-    reports = fly(flight_to(goal, min_matched_texture=0.0), [elsewhere] * 40)
+    reports = fly(flight_to(goal, min_matched_texture=0.0), [elsewhere] * 20)
     assert reports[-1].reached
 
 
 def test_somebody_who_walks_through_the_view_delays_and_nothing_more(goal, elsewhere):
     passing = round(0.8 * PER_SECOND)
-    reports = fly(flight_to(goal), [goal] * 5 + [elsewhere] * passing + [goal] * 30)
+    reports = fly(flight_to(goal), [goal] * 5 + [elsewhere] * passing + [goal] * 15)
     assert all(report.healthy for report in reports)
     assert not any(report.reached for report in reports[5 : 5 + passing])
     assert reports[-1].reached
@@ -125,7 +136,7 @@ def test_somebody_who_walks_through_the_view_delays_and_nothing_more(goal, elsew
 def test_a_goal_that_was_hidden_for_seconds_is_found_again(goal, elsewhere):
     """By then it counts as a false goal, and is excluded from every other relocalisation."""
     hidden = round(2.6 * PER_SECOND)
-    reports = fly(flight_to(goal), [goal] * 5 + [elsewhere] * hidden + [goal] * 30)
+    reports = fly(flight_to(goal), [goal] * 5 + [elsewhere] * hidden + [goal] * 15)
     assert len(rejections(reports)) == 2
     assert reports[-1].reached
 
@@ -149,9 +160,9 @@ def test_progress_is_asked_for_anew_after_a_false_goal(false_goal):
 
 def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
     flight = flight_to(goal)
-    fly(flight, [elsewhere] * 20)
+    fly(flight, [elsewhere] * 10)
     flight.set_goal(flight._task, flight.prepare(Goal(elsewhere, flight._task.goal)))
-    assert all(report.healthy for report in fly(flight, [elsewhere] * 30))
+    assert all(report.healthy for report in fly(flight, [elsewhere] * 15))
 
 
 def test_a_goal_that_was_not_flown_to_is_not_excluded_for_a_flight_to_the_last_one(goal, elsewhere):
@@ -159,7 +170,7 @@ def test_a_goal_that_was_not_flown_to_is_not_excluded_for_a_flight_to_the_last_o
     flight = flight_to(goal, matcher)
     fly(flight, [goal] * 5)
     flight.set_goal(flight._task, flight.prepare(Goal(goal, flight._task.goal)))
-    reports = fly(flight, [elsewhere] * 60, engaged=False, first=5)
+    reports = fly(flight, [elsewhere] * 30, engaged=False, first=5)
     assert len(rejections(reports)) >= 2
     assert not matcher.excluded
 
@@ -169,30 +180,35 @@ def test_noise_of_a_camera_in_the_dark_is_no_texture_that_has_to_match():
     view = np.full((240, 320, 3), 60.0)
     view[60:180, 80:240] = 40.0 + 80.0 * (np.indices((120, 160)).sum(axis=0)[..., None] // 12 % 2)
     noisy = np.clip(view + rng.normal(0.0, 8.0, view.shape), 0, 255).astype(np.uint8)
-    flow, sure = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
+    sure = np.zeros(SIZE)
     sure[56:184, 76:244] = 1.0
-    assert matched_texture_ratio(noisy, FlowField(flow, sure)) > 0.9
+    assert matched_texture_ratio(noisy, still(sure)) > 0.9
 
 
-def test_only_texture_has_to_match():
-    view = np.full((240, 320, 3), 120, np.uint8)
-    view[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
-    flow, sure = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
-    assert matched_texture_ratio(view, FlowField(flow, sure)) == 0.0
+@pytest.fixture
+def window():
+    """An image with texture in its middle."""
+    image = np.full((240, 320, 3), 120, np.uint8)
+    image[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
+    return image
+
+
+def test_only_texture_has_to_match(window):
+    assert matched_texture_ratio(window, still()) == 0.0
+    sure = np.zeros(SIZE)
     sure[70:170, 90:230] = 1.0
-    assert matched_texture_ratio(view, FlowField(flow, sure)) > 0.95
-    plain = np.full_like(view, 120)
-    assert matched_texture_ratio(plain, FlowField(flow, np.zeros_like(sure))) == 1.0
+    assert matched_texture_ratio(window, still(sure)) > 0.95
+    assert matched_texture_ratio(np.full_like(window, 120), still()) == 1.0
 
 
 @pytest.mark.parametrize(("aside_px", "ratio"), [(1.0, 1.0), (8.0, 1.0), (10.0, 0.6)])
 def test_texture_that_matches_in_another_place_does_not_count(aside_px, ratio):
     """Two fifths of the view are aside by more than three times the others' 2 px, and 3 px."""
     view = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
-    flow = np.zeros((240, 320, 2), np.float32)
-    flow[..., 1] = 2.0
-    flow[:96, :, 1] = aside_px
-    found = matched_texture_ratio(view, FlowField(flow, np.ones((240, 320), np.float32)))
+    field = still(1.0)
+    field.flow[..., 1] = 2.0
+    field.flow[:96, :, 1] = aside_px
+    found = matched_texture_ratio(view, field)
     assert found == pytest.approx(ratio, abs=0.01)
 
 
@@ -203,21 +219,11 @@ def servo(status=Status.OK, **changes):
     return servo_result(**{"status": status, "velocity": velocity} | at_the_goal | changes)
 
 
-@pytest.fixture
-def window():
-    """A goal image with texture in its middle."""
-    image = np.full((240, 320, 3), 120, np.uint8)
-    image[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
-    return image
-
-
 def verified(result, view, goal, sure=0.0):
     """Result of a view that stands where the goal is, half a second after one like it."""
-    still = np.zeros((240, 320, 2), np.float32)
-    flow = FlowField(still, np.full((240, 320), sure, np.float32))
-    verifier = GoalVerifier(SiftImage(goal, MatchingConfig()), 0.7)
-    verifier.verify(result, view, flow, 0)
-    return verifier.verify(result, view, flow, 500_000_000)
+    verifier = verifier_of(goal)
+    verifier.verify(result, view, still(sure), 0)
+    return verifier.verify(result, view, still(sure), 500_000_000)
 
 
 def test_a_doubtful_view_is_flown_and_has_not_reached_the_goal(window):
@@ -237,11 +243,10 @@ def test_a_frame_that_the_servo_refused_keeps_its_status(window):
 
 
 def test_a_mismatch_before_frames_that_were_refused_is_no_longer_one(window):
-    still, none = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
-    verifier, field = GoalVerifier(SiftImage(window, MatchingConfig()), 0.7), FlowField(still, none)
-    verifier.verify(servo(), window, field, 0)
-    verifier.verify(servo(Status.NO_OVERLAP), window, field, 500_000_000)
-    result = verifier.verify(servo(), window, field, 1_200_000_000)
+    verifier = verifier_of(window)
+    verifier.verify(servo(), window, still(), 0)
+    verifier.verify(servo(Status.NO_OVERLAP), window, still(), 500_000_000)
+    result = verifier.verify(servo(), window, still(), 1_200_000_000)
     assert (result.status, result.reached) == (Status.OK, False)
 
 
@@ -267,10 +272,9 @@ def test_a_view_with_swapped_channels_is_not_flown(window):
 
 def arrival(view, goal, least=0.7):
     """Verifier, and the flow of a view that stands where the goal is, as far as it matches."""
-    same = np.abs(view.astype(np.float32) - goal).max(axis=2) < 10.0
-    flow = FlowField(np.zeros((240, 320, 2), np.float32), same.astype(np.float32))
+    flow = still(np.abs(view.astype(np.float32) - goal).max(axis=2) < 10.0)
     assert 0.7 < matched_texture_ratio(view, flow) < 0.9
-    return GoalVerifier(SiftImage(goal, MatchingConfig()), least), flow
+    return verifier_of(goal, least), flow
 
 
 FALSE, TRUE = (2, 3, 4, 5), (1, 2, 3, 4)
@@ -313,15 +317,11 @@ def test_what_was_not_compared_before_the_vehicle_went_away_is_forgotten():
 def test_another_match_that_explains_next_to_nothing_of_the_view_is_none(rows, status, monkeypatch):
     """Of 240 rows 14 are open, and the other match explains 2 or 4 % of all texture."""
     view = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
-    still, sure = np.zeros((240, 320, 2), np.float32), np.ones((240, 320), np.float32)
-    sure[:14] = 0.0
-    explains = np.zeros_like(sure)
-    explains[:rows] = 1.0
+    row = np.arange(240)[:, None]
     monkeypatch.setattr(
-        "dfvs_core.perception.goal_verification.match_elsewhere",
-        lambda *_: FlowField(still, explains),
+        "dfvs_core.perception.goal_verification.match_elsewhere", lambda *_: still(row < rows)
     )
-    verifier, flow = GoalVerifier(SiftImage(view, MatchingConfig()), 0.7), FlowField(still, sure)
+    verifier, flow = verifier_of(view), still(row >= 14)
     verifier.verify(servo(), view, flow, 0)
     assert compared(verifier).verify(servo(), view, flow, 1).status is status
 

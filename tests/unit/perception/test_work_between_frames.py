@@ -7,6 +7,7 @@ from still_pipeline import StillMatcher, pipeline, servo_result
 
 from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.messages.frame import Frame
+from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS, PATIENCE_NS
 from dfvs_core.perception.vehicle_history import Motion
 
 MS = 1_000_000
@@ -30,20 +31,22 @@ class PartlySeen(StillMatcher):
         return FlowField(still, np.ones(current.size, np.float32))
 
 
-def frames(perception, picture, now, ages_ms, rate_hz, seconds, aside_m_s=0.0):
+def frames(perception, picture, now, ages_ns, rate_hz, seconds, aside_m_s=0.0, engaged_from=None):
     """Results of frames at a rate, each with the work after it.
 
-    ``ages_ms`` are those at the servo step: from capture to arrival, and from there on.
+    ``ages_ns`` are those at the servo step: from capture to arrival, and from there on. The vehicle
+    is engaged from that frame on.
     """
-    transport_ms, processing_ms = ages_ms
+    transport_ns, processing_ns = ages_ns
     for k in range(round(seconds * rate_hz)):
         t_ns = START_NS + round(k * 1e9 / rate_hz)
-        t_arrival_ns = t_ns + transport_ms * MS
-        now[0] = t_arrival_ns + processing_ms * MS
+        t_arrival_ns = t_ns + transport_ns
+        now[0] = t_arrival_ns + processing_ns
         aside = np.array([0.0, aside_m_s * k / rate_hz, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
         frame = Frame(picture, t_ns, k, t_arrival_ns)
-        yield perception.process_frame(frame, motion, engaged=False)
+        engaged = engaged_from is not None and k >= engaged_from
+        yield perception.process_frame(frame, motion, engaged)
         perception.work_between_frames()
 
 
@@ -52,11 +55,11 @@ def picture(rng):
     return rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
 
 
-def is_extended(picture, ages_ms, rate_hz):
+def is_extended(picture, ages_ns, rate_hz):
     """Whether a frame shows all of the goal within 3 s; the vehicle goes aside all the time."""
     now, settings = [0], {"depth": "motion", "min_matched_texture": 0.0}
     perception = pipeline(picture, PartlySeen(), lambda: now[0], **settings)
-    found = frames(perception, picture, now, ages_ms, rate_hz, 3.0, aside_m_s=0.4)
+    found = frames(perception, picture, now, ages_ns, rate_hz, 3.0, aside_m_s=0.4)
     return max(confident_ratio(each.flow) for each in found) > 0.9
 
 
@@ -67,16 +70,16 @@ def is_extended(picture, ages_ms, rate_hz):
 @pytest.mark.parametrize("by", ["transport", "processing"])
 def test_more_of_the_goal_is_found_at_any_rate_and_age_of_the_frames(picture, rate_hz, age_ms, by):
     """Though depth is learnt meanwhile."""
-    ages_ms = (age_ms, 0) if by == "transport" else (0, age_ms)
-    assert is_extended(picture, ages_ms, rate_hz)
+    ages_ns = (age_ms * MS, 0) if by == "transport" else (0, age_ms * MS)
+    assert is_extended(picture, ages_ns, rate_hz)
 
 
-def learnt_at_ms(picture, ages_ms, rate_hz, seconds=3.0):
-    """Times of the frames after which depth was learnt, ms."""
+def learnt_at_ms(picture, ages_ns, rate_hz, engaged_from=None):
+    """Times of the frames before which depth was learnt, ms; the vehicle goes aside for 3 s."""
     now, matcher, times = [0], StillMatcher(), []
     perception = pipeline(picture, matcher, lambda: now[0], depth="motion")
     before = None
-    for frame in frames(perception, picture, now, ages_ms, rate_hz, seconds, aside_m_s=0.4):
+    for frame in frames(perception, picture, now, ages_ns, rate_hz, 3.0, 0.4, engaged_from):
         # One is asked for in each frame from the second on; the rest came after the last frame.
         if before is not None and len(matcher.predictions) - before > 1:
             times.append(frame.frame.t_capture_ns // MS)
@@ -98,10 +101,42 @@ def learnt_at_ms(picture, ages_ms, rate_hz, seconds=3.0):
 def test_work_waits_for_processing_that_does_not_keep_up_and_not_for_transport(
     picture, transport_ms, processing_ms, is_put_off
 ):
-    times_ms = learnt_at_ms(picture, (transport_ms, processing_ms), rate_hz=30)
+    times_ms = learnt_at_ms(picture, (transport_ms * MS, processing_ms * MS), rate_hz=30)
     assert len(times_ms) > 2
     assert (np.diff(times_ms).min() >= 600) == is_put_off
     assert (np.diff(times_ms).max() <= 250) != is_put_off
+
+
+PERIOD_NS = 50 * MS
+
+
+@pytest.mark.parametrize(
+    ("late_ns", "between_ns"),
+    [(0, DEPTH_PERIOD_NS), (PERIOD_NS - 1, DEPTH_PERIOD_NS), (PERIOD_NS, PATIENCE_NS)],
+)
+def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(
+    picture, late_ns, between_ns
+):
+    """But not for ever."""
+    times_ms = learnt_at_ms(picture, (0, late_ns), rate_hz=20)
+    assert len(times_ms) > 2
+    assert set(np.diff(times_ms)) == {between_ns // MS}
+
+
+@pytest.mark.parametrize(("late_ns", "is_put_off"), [(100 * MS - 1, False), (100 * MS, True)])
+def test_where_frames_are_lost_an_old_one_is_late_though_the_next_is_not_there(
+    picture, late_ns, is_put_off
+):
+    """Every second frame of a camera was overtaken: the time between two is no measure then."""
+    times_ms = learnt_at_ms(picture, (0, late_ns), rate_hz=5)
+    assert len(times_ms) > 2
+    assert (np.diff(times_ms).min() >= PATIENCE_NS // MS) == is_put_off
+
+
+def test_depth_is_learnt_from_the_first_motion_on(picture):
+    """By images alone: there is nothing that a vehicle has to prove first."""
+    on_time = learnt_at_ms(picture, (0, 0), rate_hz=20)
+    assert learnt_at_ms(picture, (0, 0), rate_hz=20, engaged_from=20) == on_time
 
 
 def test_a_comparison_on_arrival_that_is_begun_ends_after_the_next_frame(monkeypatch):
@@ -121,7 +156,7 @@ def test_a_comparison_on_arrival_that_is_begun_ends_after_the_next_frame(monkeyp
         "dfvs_core.perception.pipeline.servo_step", lambda task, state, inputs: (reached, state)
     )
     begun_ns = None
-    for _ in frames(perception, view, now, (0, 40), 30, 1.0):
+    for _ in frames(perception, view, now, (0, 40 * MS), 30, 1.0):
         if begun_ns is None and perception._verifier.is_comparing:
             begun_ns = now[0]
     assert compared == [begun_ns]

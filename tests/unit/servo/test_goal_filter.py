@@ -23,6 +23,8 @@ METRIC = FilterModel(scale_spread=0.0)
 DT_S = 1 / 15
 DEPTH_M = 3.0
 STILL = np.zeros(3)
+RATE_ERROR = slice(3, 6)
+"""Of the state: true velocity minus the rate of the odometry's position, m/s."""
 TURN = np.array([0.0, 0.15, 0.05])
 """Of one frame, rad: a turn in three seconds."""
 
@@ -143,7 +145,7 @@ def hovering(error, told=None, seconds=4.0):
 def test_a_wrong_rate_of_the_position_is_observed_at_a_hover():
     error = np.array([0.05, 0.0, -0.02])
     # An error that is taken to fade with 0.6 s is followed short of its size, by a half here.
-    np.testing.assert_allclose(hovering(error).rate_error_m_s, error, rtol=0.55)
+    np.testing.assert_allclose(hovering(error).x[RATE_ERROR], error, rtol=0.55)
 
 
 def test_a_velocity_that_contradicts_the_position_is_observed_at_a_hover():
@@ -151,7 +153,7 @@ def test_a_velocity_that_contradicts_the_position_is_observed_at_a_hover():
     told = np.array([0.0, 0.06, 0.0])
     estimate = hovering(STILL, told)
     np.testing.assert_allclose(estimate.velocity_error_m_s, -told, atol=0.002)
-    np.testing.assert_allclose(estimate.rate_error_m_s, STILL, atol=0.002)
+    np.testing.assert_allclose(estimate.x[RATE_ERROR], STILL, atol=0.002)
 
 
 def test_the_expected_size_of_the_error_follows_what_is_seen_of_it():
@@ -236,7 +238,7 @@ def test_another_structure_is_no_motion_and_leaves_the_distance_while_the_scale_
     after = restructured(before, before.x[:3], factor * before.x[:3], MODEL)
     np.testing.assert_allclose(after.x[:3], factor * before.x[:3])
     assert abs(math.log(after.distance_m / before.distance_m)) < 0.25 * abs(math.log(factor))
-    np.testing.assert_array_equal(after.rate_error_m_s, before.rate_error_m_s)
+    np.testing.assert_array_equal(after.x[RATE_ERROR], before.x[RATE_ERROR])
     assert after.scale_spread > before.scale_spread
 
 
@@ -285,9 +287,9 @@ def test_a_turn_of_the_camera_turns_all_that_is_in_its_axes():
         turned = camera.move(STILL, turned @ error, told, turn=TURN) @ turned
     estimate = camera.estimate
     np.testing.assert_allclose(estimate.position_m, camera.goal_m, atol=0.01)
-    np.testing.assert_allclose(estimate.rate_error_m_s, turned @ error, atol=0.02)
+    np.testing.assert_allclose(estimate.x[RATE_ERROR], turned @ error, atol=0.02)
     np.testing.assert_allclose(
-        estimate.velocity_error_m_s - estimate.rate_error_m_s, turned @ slip, atol=0.005
+        estimate.velocity_error_m_s - estimate.x[RATE_ERROR], turned @ slip, atol=0.005
     )
 
 

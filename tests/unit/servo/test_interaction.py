@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import invert_pose, se3_exp
+from dfvs_core.messages.goal import Mount
 from dfvs_core.servo.freedom import level_body
 
 coordinate = st.floats(-1.0, 1.0)
@@ -39,8 +40,6 @@ def test_interaction_matrix_has_the_paper_s_rows():
 
 
 def test_body_motions_move_the_image_as_they_should():
-    from dfvs_core.messages.goal import Mount
-
     B = level_body(Mount().T_body_camera()).B
     centre = interaction_matrix(np.array([[0.0, 0.0]]), np.array([2.0]))[0] @ B
     forward, right, down, yaw = centre.T
@@ -52,8 +51,6 @@ def test_body_motions_move_the_image_as_they_should():
 
 
 def test_a_lens_ahead_of_the_yaw_axis_swings_sideways_when_yawing():
-    from dfvs_core.messages.goal import Mount
-
     twist = level_body(Mount(x_m=0.2).T_body_camera()).B @ [0, 0, 0, 1.0]
     # Camera x is body right: a turn to the right carries a lens in front to the right.
     np.testing.assert_allclose(twist, [0.2, 0, 0, 0, 1.0, 0], atol=1e-12)

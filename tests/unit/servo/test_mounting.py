@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
 from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.messages.goal import GoalSidecar, Mount
@@ -35,8 +35,7 @@ DOWN = Mount(pitch_rad=np.radians(-90.0))
 def depth_of(T_wall_camera):
     """Depth (h, w) of a wall in the plane z = DEPTH_M of a frame, and its points (h, w, 3)."""
     xy = CAMERA.normalise(CAMERA.grid(STRIDE))
-    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
-    directions = rays @ T_wall_camera[:3, :3].T
+    directions = homogeneous(xy) @ T_wall_camera[:3, :3].T
     z = (DEPTH_M - T_wall_camera[2, 3]) / directions[..., 2]
     return z, T_wall_camera[:3, 3] + directions * z[..., None]
 
@@ -50,21 +49,18 @@ def samples_from(T_wall_camera, noise_px=0.0, rng=None):
     return GridSamples(pixels, flow, np.ones(flow.shape[:2]))
 
 
+def tracks_of(before, now, z):
+    return point_tracks((before, now), z, (CAMERA, CAMERA), 0.1)
+
+
 def turn_between(before, now, z=None, **noise):
-    tracks = point_tracks(
-        (samples_from(before, **noise), samples_from(now, **noise)),
-        depth_of(now)[0] if z is None else z,
-        (CAMERA, CAMERA),
-        0.1,
-    )
-    return image_turn(tracks)
+    z = depth_of(now)[0] if z is None else z
+    return image_turn(tracks_of(samples_from(before, **noise), samples_from(now, **noise), z))
 
 
 # --- turn of the camera ---------------------------------------------------------------------
 
 SMALL = make_pose(rotation_from_euler(0.004, -0.006, 0.003), np.array([0.01, -0.02, 0.015]))
-
-
 TURN = make_pose(rotation_from_euler(0.0, 0.0, 0.01), np.zeros(3))
 
 
@@ -111,9 +107,7 @@ def test_the_stated_covariance_holds_for_a_depth_that_is_a_guess(yaw_deg):
 
 
 def test_points_that_go_their_own_way_do_not_turn_the_camera():
-    tracks = point_tracks(
-        (samples_from(np.eye(4)), samples_from(SMALL)), depth_of(SMALL)[0], (CAMERA, CAMERA), 0.1
-    )
+    tracks = tracks_of(samples_from(np.eye(4)), samples_from(SMALL), depth_of(SMALL)[0])
     shift = tracks.shift.copy()
     shift[:40] += 0.05
     wrong = PointTracks(tracks.xy, tracks.z, shift, tracks.slope)
@@ -127,8 +121,8 @@ def pillared(T_wall_camera):
     pixels = CAMERA.grid(STRIDE)
     z = np.full(pixels.shape[:2], DEPTH_M)
     z[:, 3::7] = z[:, 4::7] = DEPTH_M / 3.0
-    points = np.concatenate([CAMERA.normalise(pixels), np.ones((*z.shape, 1))], axis=2)
-    points = points * z[..., None] @ T_wall_camera[:3, :3].T + T_wall_camera[:3, 3]
+    points = homogeneous(CAMERA.normalise(pixels)) * z[..., None]
+    points = points @ T_wall_camera[:3, :3].T + T_wall_camera[:3, 3]
     return GridSamples(pixels, CAMERA.project(points) - pixels, np.ones(z.shape)), z
 
 
@@ -136,7 +130,7 @@ def test_edges_of_depth_do_not_hide_a_turn():
     """There the slope is large and wrong; a robust fit that begins at no turn would keep it."""
     before = make_pose(rotation_from_euler(0.0, 0.2, 0.0), np.array([0.3, 0.1, -0.4]))
     (first, _), (second, z) = pillared(before), pillared(before @ TURN)
-    tracks = point_tracks((first, second), z, (CAMERA, CAMERA), 0.1)
+    tracks = tracks_of(first, second, z)
     assert len(tracks.xy) < 0.6 * z.size
     assert np.abs(tracks.slope).max() < 3.0
 
@@ -144,7 +138,7 @@ def test_edges_of_depth_do_not_hide_a_turn():
 def test_points_without_sure_neighbours_do_not_count():
     before, now = samples_from(np.eye(4)), samples_from(SMALL)
     now.confidence[5, 5] = 0.0
-    count = len(point_tracks((before, now), depth_of(SMALL)[0], (CAMERA, CAMERA), 0.1).xy)
+    count = len(tracks_of(before, now, depth_of(SMALL)[0]).xy)
     rows, columns = now.confidence.shape
     assert count == (rows - 2) * (columns - 2) - 5
 
@@ -152,9 +146,7 @@ def test_points_without_sure_neighbours_do_not_count():
 def test_few_points_tell_no_turn():
     before, now = samples_from(np.eye(4)), samples_from(SMALL)
     now.confidence[3:] = 0.0
-    assert (
-        image_turn(point_tracks((before, now), depth_of(SMALL)[0], (CAMERA, CAMERA), 0.1)) is None
-    )
+    assert image_turn(tracks_of(before, now, depth_of(SMALL)[0])) is None
 
 
 # --- regression -----------------------------------------------------------------------------
@@ -299,8 +291,6 @@ def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
 
 
 ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
-
-
 UNDECIDED = MotionMeasures(0.0, 0.0, 0.0, False, 0.0, 0.0, False, False)
 
 
@@ -312,12 +302,10 @@ def flown(task, t_ns):
 
 
 @pytest.mark.parametrize(("limit_m_s", "aside_m_s"), [(0.1, 0.1), (0.5, 0.3)])
-def test_a_probe_is_no_faster_than_the_settings_allow(limit_m_s, aside_m_s):
+def test_a_probe_turns_and_climbs_not_and_is_no_faster_than_the_settings_allow(
+    limit_m_s, aside_m_s
+):
     config = ServoConfig(max_horizontal_m_s=limit_m_s)
     task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), ASSUMED)
     for t_ns, side in ((5 * 10**8, 1.0), (15 * 10**8, -1.0)):
         np.testing.assert_allclose(flown(task, t_ns), [0.0, side * aside_m_s, 0.0, 0.0])
-
-
-def test_a_probe_turns_and_climbs_not():
-    np.testing.assert_array_equal(probing_velocity(0.0, 5 * 10**8, LAW), [0.0, 0.3, 0.0, 0.0])
