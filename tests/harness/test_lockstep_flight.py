@@ -7,7 +7,8 @@ import pytest
 from depth_bundle import bundle
 from onnx_network import write_bundle
 
-from dfvs_bench.lockstep.run import SimulatedJob, fly
+from dfvs_bench.lockstep.flight import SimulatedJob
+from dfvs_bench.lockstep.run import fly
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.render.renderer import Renderer

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_bench.lockstep.flight import LockstepFlight, LockstepLog, Sample
+from dfvs_bench.lockstep.flight import LockstepLog, Sample
 from dfvs_bench.trials.statistics import largest, mean, settled_index
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.exchange import Status
@@ -58,7 +58,7 @@ class SimulatedFlight:
         return away[0] >= FALSE_DONE_M or away[1] >= FALSE_DONE_DEG
 
 
-def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> SimulatedFlight:
+def simulated_flight(seed: int, T_scene_goal: FloatArray, log: LockstepLog) -> SimulatedFlight:
     """Figures of a flight that has ended; by the true pose."""
     flown = [s for s in log.samples if log.engaged_ns is not None and s.t_s >= 0.0]
     flown = list(itertools.dropwhile(lambda s: s.state != "SERVO", flown))
@@ -76,7 +76,7 @@ def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> Sim
         within_s=_within_s(flown),
         moved_m=0.0 if start is None else _moved_m(start, flown, end_s),
         hold_rms_m=_rms([s.error_m for s in held]),
-        hold_heading_rms_deg=_rms([_heading_error_deg(s, flight.T_scene_goal) for s in held]),
+        hold_heading_rms_deg=_rms([_heading_error_deg(s, T_scene_goal) for s in held]),
         farthest_m=max((s.error_m for s in flown), default=0.0),
         distance_error=tuple(errors),
         distance_spread=tuple(spreads),
