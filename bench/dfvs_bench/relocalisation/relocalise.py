@@ -14,7 +14,7 @@ import numpy as np
 
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
 from dfvs_bench.basin.environments import Environment
-from dfvs_bench.methods.pose_with_depth import pose_with_depth
+from dfvs_bench.methods.pnp import pose_with_depth
 from dfvs_bench.relocalisation.near_goal import Approach, approach, approach_figures
 from dfvs_bench.trials.run import renderer_of
 from dfvs_core.errors import ConfigError

@@ -22,7 +22,7 @@ from dfvs_bench.trials.perturbation import (
 from dfvs_bench.trials.results import TrialRecord, fits, git_revision, read_record, record_path
 from dfvs_bench.trials.results import write_record as keep_record
 from dfvs_bench.trials.task import BenchTask
-from dfvs_bench.trials.trial import goal_observation, median_depth_m, run_trial
+from dfvs_bench.trials.trial import goal_observation, run_trial
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.render.renderer import Renderer
@@ -172,7 +172,7 @@ def _make_trial(job: Job) -> TrialRecord:
         inputs=input_digest(job.task, job.matcher, network=job.network),
         seed=job.task.seed,
         perturbation=job.condition,
-        median_depth_m=median_depth_m(goal.depth),
+        median_depth_m=goal.median_depth_m,
     )
 
 
