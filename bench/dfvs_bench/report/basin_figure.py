@@ -17,7 +17,7 @@ _MARKERS = "osD^vX"
 _PANEL_IN, _NAMES_IN = 1.25, 0.5
 
 
-def basin_figure(outcomes: Sequence[Outcome], file_format: str = "png") -> bytes:
+def basin_figure(outcomes: Sequence[Outcome], file_format: str) -> bytes:
     """Plot a row of two panels for every method: all tasks, and those with overlap.
 
     Bars are 95 % intervals; a dotted line of the same colour is what the paper's text says of the

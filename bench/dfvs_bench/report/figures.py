@@ -70,7 +70,7 @@ def file_of(figure: Figure, file_format: str) -> bytes:
     return buffer.getvalue()
 
 
-def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") -> bytes:
+def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes:
     """Plot the trials of one task, a line for every method.
 
     Parameters
