@@ -14,8 +14,8 @@ from onnx_network import write_bundle
 
 from dfvs_bench.cli import main
 from dfvs_bench.methods.registry import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
-from dfvs_bench.trials import results
-from dfvs_bench.trials.results import fits, git_revision, read_records
+from dfvs_bench.trials import provenance
+from dfvs_bench.trials.results import fits, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.settings import wall
 from dfvs_bench.trials.task import BenchTask, read_tasks, write_tasks
@@ -236,9 +236,9 @@ def test_a_plot_of_an_unknown_method_is_refused(folder, refused):
 
 def test_a_copy_in_somebody_else_s_repository_has_no_revision(tmp_path, monkeypatch):
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
-    (tmp_path / "results.py").touch()
-    monkeypatch.setattr(results, "__file__", str(tmp_path / "results.py"))
-    assert git_revision() == "unknown"
+    (tmp_path / "provenance.py").touch()
+    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "provenance.py"))
+    assert provenance.git_revision() == "unknown"
 
 
 def test_trials_of_other_inputs_are_not_taken_for_these(folder):

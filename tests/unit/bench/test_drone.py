@@ -19,7 +19,7 @@ from dfvs_bench.drone.records import (
 )
 from dfvs_bench.drone.tables import flight_line, row, summarise, summary_line
 from dfvs_bench.report.report import drone_section
-from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.gate.limits import VelocityLimits
