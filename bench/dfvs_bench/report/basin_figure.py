@@ -18,21 +18,10 @@ _PANEL_IN, _NAMES_IN = 1.25, 0.5
 
 
 def basin_figure(outcomes: Sequence[Outcome], file_format: str) -> bytes:
-    """Plot a row of two panels for every method: all tasks, and those with overlap.
+    """File (``png``, ``svg`` or ``pdf``) with two panels a method: all tasks, those with overlap.
 
     Bars are 95 % intervals; a dotted line of the same colour is what the paper's text says of the
     rotation set.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    file_format : str
-        ``png``, ``svg`` or ``pdf``.
-
-    Returns
-    -------
-    bytes
-        The file.
     """
     found = curves(outcomes)
     methods = list(dict.fromkeys(curve.method for curve in found))

@@ -47,14 +47,7 @@ class Contents:
 
 
 def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
-    """Write the page.
-
-    Parameters
-    ----------
-    contents : Contents
-    progress : callable
-        Told which task is being drawn.
-    """
+    """HTML of the page; ``progress`` is told which task is being drawn."""
     trials = [*contents.records, *(outcome.record for outcome in contents.outcomes)]
     flights = contents.flights
     sections = []
