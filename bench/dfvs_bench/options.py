@@ -1,15 +1,16 @@
 """Options that the measuring commands of ``dfvs-bench`` share: tasks, workers, outputs."""
 
 import argparse
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from dfvs_bench.methods.registry import POSE_NETWORKS, chosen_methods, with_bundles
+from dfvs_bench.methods.registry import METHODS, POSE_NETWORKS, chosen_methods, with_bundles
 from dfvs_bench.trials.executor import TrialExecutor
-from dfvs_bench.trials.results import TrialRecord
-from dfvs_bench.trials.run import Job, run_jobs, unfinished
+from dfvs_bench.trials.perturbation import Perturbation
+from dfvs_bench.trials.provenance import git_revision
+from dfvs_bench.trials.results import TrialRecord, write_record
+from dfvs_bench.trials.run import Countdown, Job, run_job, unfinished
 from dfvs_bench.trials.scenes import default_tasks, task_in
 from dfvs_bench.trials.tables import trial_line
 from dfvs_bench.trials.task import BenchTask, read_tasks
@@ -70,7 +71,7 @@ def add_trial_options(
         add(f"--{name}-bundle", default=name, metavar="NAME", help=f"network of {name}")
 
 
-def networks_from(args: argparse.Namespace) -> dict[str, str]:
+def _networks_from(args: argparse.Namespace) -> dict[str, str]:
     """Bundles that are named, by ``MethodKind.network``."""
     return {name: getattr(args, f"{name}_bundle") for name in ("depth", *POSE_NETWORKS)}
 
@@ -91,7 +92,7 @@ def trial_setup(
     if args.iterations is not None:
         require_range(args, 1, None, "iterations")
     executor = TrialExecutor(args.workers, args.dask)
-    networks = networks_from(args)
+    networks = _networks_from(args)
     kinds = chosen_methods(
         args.methods.split(",") if args.methods else with_bundles(default, networks)
     )
@@ -235,15 +236,21 @@ def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) 
 
 
 def run_trials(
-    args: argparse.Namespace, jobs: Sequence[Job], executor: TrialExecutor
+    args: argparse.Namespace,
+    executor: TrialExecutor,
+    tasks: Sequence[BenchTask],
+    methods: Sequence[str],
+    perturbations: Sequence[Perturbation] = (),
 ) -> list[TrialRecord]:
-    """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
+    """Make the trials that ``--resume`` does not find in ``--runs``; all records, old and new."""
+    jobs = _jobs(args, tasks, methods, perturbations)
     left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
     if records:
         log(f"{len(records)} trials are in {args.runs}")
     countdown = Countdown(len(left))
     try:
-        for record in run_jobs(left, args.runs, executor):
+        for record in executor.finished(run_job, left):
+            write_record(args.runs, record)
             records.append(record)
             log(f"{trial_line(record)} {countdown.step()}")
     except (KeyboardInterrupt, SystemExit):
@@ -252,22 +259,25 @@ def run_trials(
     return records
 
 
-class Countdown:
-    """Tells how far a run is, and how long it still takes by what it took so far.
-
-    Parameters
-    ----------
-    count : int
-        Jobs that are to be done.
-    """
-
-    def __init__(self, count: int) -> None:
-        self._count, self._done = count, 0
-        self._began_s = time.monotonic()
-
-    def step(self) -> str:
-        """Count one more as done: ``[12/70, 9 min left]``."""
-        self._done += 1
-        elapsed_s = time.monotonic() - self._began_s
-        left_min = elapsed_s / self._done * (self._count - self._done) / 60.0
-        return f"[{self._done}/{self._count}, {left_min:.0f} min left]"
+def _jobs(
+    args: argparse.Namespace,
+    tasks: Sequence[BenchTask],
+    methods: Sequence[str],
+    perturbations: Sequence[Perturbation],
+) -> list[Job]:
+    """All trials, scene by scene; each perturbation is tried as well as none."""
+    revision, networks = git_revision(), _networks_from(args)
+    return [
+        Job(
+            task,
+            name,
+            args.bundle,
+            args.iterations or METHODS[name].iterations,
+            revision,
+            networks[METHODS[name].network] if METHODS[name].network else None,
+            perturbation,
+        )
+        for task in tasks
+        for perturbation in (None, *perturbations)
+        for name in methods
+    ]

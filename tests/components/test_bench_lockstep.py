@@ -11,8 +11,11 @@ from dfvs_sim.options import write_json
 def test_a_flight_that_is_never_released_has_no_start_in_the_json_and_the_line(tmp_path, capfd):
     out = tmp_path / "flights.json"
     assert main(["lockstep", "--seeds", "3", "--timeout", "0.2", "--json", str(out)]) == 0
-    (flight,) = json.loads(out.read_text(), parse_constant=pytest.fail)["flights"]
+    document = json.loads(out.read_text(), parse_constant=pytest.fail)
+    (flight,), summary = document["flights"], document["summary"]
     assert (flight["start_m"], flight["end_s"], flight["end_state"]) == (None, None, "PREFLIGHT")
+    assert (flight["seed"], flight["end_cause"]) == (3, "")
+    assert (summary["done"], summary["other_ends"]) == (0, [])
     assert "seed 3: not released to servo, PREFLIGHT  (1 of 1)" in capfd.readouterr().err
 
 

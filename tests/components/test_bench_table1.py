@@ -14,13 +14,14 @@ from onnx_network import write_bundle
 
 from dfvs_bench.cli import main
 from dfvs_bench.methods.registry import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
-from dfvs_bench.trials import results
-from dfvs_bench.trials.results import fits, git_revision, read_records
+from dfvs_bench.trials import provenance
+from dfvs_bench.trials.results import fits, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.settings import wall
 from dfvs_bench.trials.task import BenchTask, read_tasks, write_tasks
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_core.messages.schema import dump
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import gltf_pose_from_ned
@@ -28,8 +29,6 @@ from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))
-
-
 OTHER_GOAL = camera_pose((-0.5, 0.6, -1.2), np.radians(-60))
 
 
@@ -55,12 +54,17 @@ def table1(folder, *more):
     return main(["table1", *words])
 
 
+def one_row(folder, runs, method, *more):
+    """Record of a method in the near task."""
+    words = ["--tasks", str(folder / "tasks.json"), "--methods", method, "--scenes", "near"]
+    assert main(["table1", *words, "--runs", str(runs), "--iterations", "2", *more]) == 0
+    (record,) = read_records(runs)
+    return record
+
+
 def test_a_row_by_a_depth_network_is_made_with_its_bundle(folder, tmp_path):
     depth = write_bundle(tmp_path / "depth", bundle(np.full((60, 80), 0.5)))
-    words = ["--tasks", str(folder / "tasks.json"), "--methods", "fused-depth", "--scenes", "near"]
-    words += ["--runs", str(tmp_path / "runs"), "--iterations", "4"]
-    assert main(["table1", *words, "--depth-bundle", str(depth)]) == 0
-    (record,) = read_records(tmp_path / "runs")
+    record = one_row(folder, tmp_path / "runs", "fused-depth", "--depth-bundle", str(depth))
     task = read_tasks(folder / "tasks.json")[0]
     made_of = task, record.matcher, record.most_iterations
     assert fits(record, *made_of, str(depth))
@@ -83,10 +87,7 @@ def test_rows_by_a_network_are_left_out_where_there_is_none():
 
 def test_a_row_by_a_regressed_pose_is_made_with_its_bundle(folder, tmp_path):
     made = write_bundle(tmp_path / "pose", pose_bundle.bundle((0, 0, 0), (0, 0, 0), "depth"))
-    words = ["--tasks", str(folder / "tasks.json"), "--methods", "bateux", "--scenes", "near"]
-    words += ["--runs", str(tmp_path / "runs"), "--iterations", "2"]
-    assert main(["table1", *words, "--bateux-bundle", str(made)]) == 0
-    (record,) = read_records(tmp_path / "runs")
+    record = one_row(folder, tmp_path / "runs", "bateux", "--bateux-bundle", str(made))
     assert record.trial.iterations == 2
 
 
@@ -236,9 +237,9 @@ def test_a_plot_of_an_unknown_method_is_refused(folder, refused):
 
 def test_a_copy_in_somebody_else_s_repository_has_no_revision(tmp_path, monkeypatch):
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
-    (tmp_path / "results.py").touch()
-    monkeypatch.setattr(results, "__file__", str(tmp_path / "results.py"))
-    assert git_revision() == "unknown"
+    (tmp_path / "provenance.py").touch()
+    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "provenance.py"))
+    assert provenance.git_revision() == "unknown"
 
 
 def test_trials_of_other_inputs_are_not_taken_for_these(folder):
@@ -261,19 +262,7 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
         ({"start": (2 * np.eye(4)).tolist()}, "not orthonormal"),
         ({"name": ".."}, "names of their own"),
         ({"name": "x" * 101}, "names of their own"),
-        (
-            {
-                "intrinsics": {
-                    "width": 31,
-                    "height": 40,
-                    "fx": 20.0,
-                    "fy": 20.0,
-                    "cx": 16.0,
-                    "cy": 20.0,
-                }
-            },
-            "32 x 32 or more",
-        ),
+        ({"intrinsics": dump(CameraModel(31, 40, 20.0, 20.0, 16.0, 20.0))}, "32 x 32 or more"),
         ({"start": [*np.eye(4)[:3].tolist(), [0.5, 1, 2, 1]]}, "transposed"),
     ],
 )

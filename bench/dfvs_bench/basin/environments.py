@@ -63,18 +63,14 @@ class Environment:
 def default_environments() -> list[Environment]:
     """Sixteen rooms, of every kind in turn; their files are in the cache, or yet to be made.
 
-    Their seeds, 4121 to 4136, are kept for the benchmark, and not those of its ten scenes.
+    The cache lies under ``$XDG_CACHE_HOME``, or ``~/.cache``. The rooms' seeds, 4121 to 4136, are
+    kept for the benchmark, and not those of its ten scenes.
     """
-    folder = cache_folder()
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(base) / "dfvs" / f"bench-basin-{ROOMS_VERSION}"
     kinds = [ROOM_KINDS[k % len(ROOM_KINDS)] for k in range(BATCH)]
     names = [f"{kind}-{_FIRST_SEED + k}" for k, kind in enumerate(kinds)]
     return [Environment(name, folder / f"{name}.glb", CAMERA) for name in names]
-
-
-def cache_folder() -> Path:
-    """Where the sixteen rooms are kept: under ``$XDG_CACHE_HOME``, or ``~/.cache``."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "dfvs" / f"bench-basin-{ROOMS_VERSION}"
 
 
 def make_missing(environments: Sequence[Environment], progress: Callable[[str], None]) -> None:

@@ -52,14 +52,9 @@ class DrawnEnvironment:
 
 @dataclass(frozen=True, slots=True)
 class BasinTasks:
-    """The tasks of a run, environment by environment."""
+    """The tasks of a run, environment by environment, as they are kept on disk."""
 
     environments: tuple[DrawnEnvironment, ...]
-
-    @property
-    def tasks(self) -> list[DrawnTask]:
-        """All of them."""
-        return [task for place in self.environments for task in place.tasks]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +71,7 @@ def draw_tasks(
     folder: Path,
     executor: TrialExecutor,
     progress: Callable[[str], None],
-) -> BasinTasks:
+) -> list[DrawnTask]:
     """Draw the requests and keep them in the folder; what is there from the same request stays.
 
     Raises
@@ -97,7 +92,7 @@ def draw_tasks(
         progress(f"drew {len(tasks)} tasks in {name}")
         done[name] = replace(wanted[name], tasks=tasks)
         write_document(path, BasinTasks(tuple(done[n] for n in wanted if n in done)))
-    return BasinTasks(tuple(done[name] for name in wanted))
+    return [task for name in wanted for task in done[name].tasks]
 
 
 def _draw_named(request: DrawRequest) -> tuple[str, tuple[DrawnTask, ...]]:

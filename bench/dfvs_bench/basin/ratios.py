@@ -1,4 +1,4 @@
-"""Convergence ratios of the basin: by method, rotation set and translation."""
+"""Convergence ratios of the basin, and how sure they are: by method, rotation and translation."""
 
 import math
 from collections.abc import Sequence
@@ -8,14 +8,49 @@ from typing import Any
 import numpy as np
 
 from dfvs_bench.basin.drawing import LEAST_OVERLAP
-from dfvs_bench.basin.interval import Share
 from dfvs_bench.basin.outcomes import Outcome
 from dfvs_bench.trials.statistics import mean, rounded
 from dfvs_bench.trials.tables import row
 from dfvs_bench.trials.tables import summarise as summarise_trials
 
 _DIGITS = 4
+_Z_95 = 1.959963984540054
+"""Two-sided 95 % of the normal distribution."""
+
 Rotation = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share of successes with its 95 % confidence interval.
+
+    Parameters
+    ----------
+    successes, trials : int
+        Counts; 0 <= successes <= trials.
+    """
+
+    successes: int
+    trials: int
+
+    @property
+    def ratio(self) -> float:
+        """Share of successes; NaN without trials."""
+        return self.successes / self.trials if self.trials else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's score interval (J. Am. Stat. Assoc. 22, 1927); (0, 1) without trials.
+
+        Unlike the textbook's interval it stays within 0 and 1, and keeps its width where every
+        trial succeeded.
+        """
+        if not self.trials:
+            return 0.0, 1.0
+        n, p, z2 = self.trials, self.ratio, _Z_95**2
+        middle = (p + z2 / (2 * n)) / (1 + z2 / n)
+        half = _Z_95 * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n)) / (1 + z2 / n)
+        return max(0.0, middle - half), min(1.0, middle + half)
 
 
 @dataclass(frozen=True, slots=True)

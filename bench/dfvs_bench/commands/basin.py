@@ -6,11 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dfvs_bench.basin.cells import (
-    ROTATIONS_DEG,
-    TRANSLATIONS_M,
-    Cell,
-)
+from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawRequest
 from dfvs_bench.basin.environments import (
     BATCH,
@@ -22,18 +18,10 @@ from dfvs_bench.basin.environments import (
 )
 from dfvs_bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_outcomes
 from dfvs_bench.basin.ratios import summarise, summary_lines, tidy_row
-from dfvs_bench.options import (
-    add_trial_options,
-    named,
-    networks_from,
-    own_scenes,
-    run_trials,
-    trial_setup,
-)
+from dfvs_bench.options import add_trial_options, named, own_scenes, run_trials, trial_setup
 from dfvs_bench.report.basin_figure import basin_figure
 from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.provenance import run_facts
-from dfvs_bench.trials.run import Plan
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
 from dfvs_common.progress import log
@@ -98,9 +86,8 @@ def run(args: argparse.Namespace) -> int:
     args.runs.mkdir(parents=True, exist_ok=True)
     drawn = draw_tasks(_requests(args, environments, cells), args.runs, executor, log)
     by_name = {place.name: place for place in environments}
-    tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
-    jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
-    records = run_trials(args, jobs, executor)
+    tasks = [task.task(by_name[task.environment]) for task in drawn]
+    records = run_trials(args, executor, tasks, methods)
     _finish(args, read_outcomes(args.runs, records), time.monotonic() - began_s)
     return 0
 
@@ -165,7 +152,7 @@ def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) ->
     print("\n".join([*summary_lines(outcomes), "", f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
         document = summarise(outcomes) | {"seed": args.seed, "trials": args.trials}
-        facts = run_facts([o.record for o in outcomes], wall_s)
+        facts = run_facts((o.record.revision for o in outcomes), wall_s)
         write_json(args.json, document | {"matcher": args.bundle} | facts)
     if args.csv is not None:
         write_rows(args.csv, [tidy_row(outcome) for outcome in outcomes])

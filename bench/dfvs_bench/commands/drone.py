@@ -1,7 +1,6 @@
 """``dfvs-bench drone``: the tasks flown by the simulated vehicle through the real service."""
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,9 +18,9 @@ from dfvs_bench.drone.records import (
     write_record,
 )
 from dfvs_bench.drone.tables import HEADER, flight_line, row, summarise, summary_line
-from dfvs_bench.options import Countdown, add_task_options, check_outputs, tasks_from
-from dfvs_bench.trials.provenance import run_facts
-from dfvs_bench.trials.results import git_revision
+from dfvs_bench.options import add_task_options, check_outputs, tasks_from
+from dfvs_bench.trials.provenance import git_revision, run_facts
+from dfvs_bench.trials.run import Countdown
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import ConfigError
@@ -139,13 +138,13 @@ def _kept(folder: Path, tasks: Sequence[BenchTask], setting: Setting) -> dict[st
 
 def _finish(args: argparse.Namespace, records: list[FlightRecord], wall_s: float) -> None:
     summary = summarise(records)
-    print(HEADER, file=sys.stdout)
+    print(HEADER)
     for record in records:
         print(flight_line(record))
     print(summary_line(summary))
     if args.json is not None:
         document = {"methods": {"service": summary}, "matcher": args.bundle, "seed": args.seed}
         document |= {"estimate": records[0].estimate, "wind": records[0].wind}
-        write_json(args.json, document | run_facts(records, wall_s))
+        write_json(args.json, document | run_facts((r.revision for r in records), wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_bench.lockstep.calibration import plot_calibration
+from dfvs_bench.lockstep.flight import EXACT, SimulatedJob
 from dfvs_bench.lockstep.record import SimulatedFlight, summarise
-from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
+from dfvs_bench.lockstep.run import fly
 from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with

@@ -117,15 +117,17 @@ def run(args: argparse.Namespace) -> int:
     for label in dict.fromkeys(job.name for job in jobs):
         print(_line(label, figures[label]))
     if args.json is not None:
-        facts = {
+        document = {
+            "matchers": figures,
+            "scenes": [str(s) for s in args.scene],
             "seed": args.seed,
             "camera": " ".join(cameras),
             "fov_deg": args.fov,
             "without": args.without,
             "working_width_px": args.working_width,
+            "made_with": made_with(),
         }
-        document = {"matchers": figures, "scenes": [str(s) for s in args.scene]} | facts
-        write_json(args.json, document | {"made_with": made_with()})
+        write_json(args.json, document)
     return 0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dfvs_bench.methods.registry import DEFAULT_METHODS, METHODS
-from dfvs_bench.options import add_trial_options, networks_from, run_trials, tasks_from, trial_setup
+from dfvs_bench.options import add_trial_options, run_trials, tasks_from, trial_setup
 from dfvs_bench.trials.perturbation import (
     KINDS,
     PERTURBATIONS,
@@ -16,7 +16,6 @@ from dfvs_bench.trials.perturbation import (
 )
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.results import TrialRecord
-from dfvs_bench.trials.run import Plan
 from dfvs_bench.trials.tables import (
     perturbed_lines,
     row,
@@ -78,10 +77,8 @@ def run(args: argparse.Namespace) -> int:
     perturbations = parse_perturbations(args.perturb) if args.perturb is not None else []
     check_perturbations(perturbations, tasks)
     began_s = time.monotonic()
-    settings = (args.bundle, args.iterations, networks_from(args), perturbations)
-    jobs = Plan(tasks, methods, *settings).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
-    records = run_trials(args, jobs, executor)
+    records = run_trials(args, executor, tasks, methods, perturbations)
     _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
     return 0
 
@@ -107,6 +104,6 @@ def _finish(
     tables = ["", *summary_lines(summary), "", *perturbed_lines(summary)]
     print("\n".join([*tables, f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
-        write_json(args.json, summary | run_facts(records, wall_s))
+        write_json(args.json, summary | run_facts((r.revision for r in records), wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

@@ -9,7 +9,7 @@ from pathlib import Path
 from dfvs_bench.drone.bound import straight_line_bound
 from dfvs_bench.drone.levelled import turn_rad
 from dfvs_bench.drone.records import NOT_READY, FlightRecord, Setting
-from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask

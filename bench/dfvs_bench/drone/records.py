@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dfvs_bench.drone.bound import TimeBound
 from dfvs_bench.trials.documents import read_document, write_document
-from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions

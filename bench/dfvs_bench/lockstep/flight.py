@@ -1,15 +1,18 @@
 """One flight in simulated time, from hover to its end, judged by the true pose."""
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from dfvs_bench.lockstep.vehicle import HoveringVehicle
 from dfvs_core.depth.network import DepthEstimator
-from dfvs_core.gate.config import Engage, GateConfig
+from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.gate.events import Event, Report
+from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
@@ -20,12 +23,24 @@ from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import VehicleHistory
-from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
+from dfvs_models import DEFAULT_DEPTH
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
+from dfvs_sim.viewpoints.sampling import Task
+
+EXACT = "exact"
+"""Correspondences by the renderer's depth, with noise."""
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, math.radians(75.0))
 
 _TICK_NS = 20_000_000
+_FRAME_PERIOD_NS = round(1e9 / 15.0)
+_LATENCY_NS = 60_000_000
+"""From the capture of a frame to its report."""
+_HEIGHT_M = 1.5
+_HOLD_MARGIN_S = 60.0
 _ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
 
 Render = Callable[[FloatArray], ImageArray]
@@ -33,28 +48,26 @@ Render = Callable[[FloatArray], ImageArray]
 
 
 @dataclass(frozen=True, slots=True)
-class LockstepSetup:
-    """What a flight in simulated time is made of.
+class SimulatedJob:
+    """One flight of a run; picklable.
 
-    ``latency_s`` is the time from a frame's capture to its report; ``mounted`` is how the camera
-    truly sits, where that differs from what the settings say (``mount``). A flight without an end
-    is given up ``timeout_s`` after the start; one that has ended is watched for ``after_s`` more.
+    ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted_deg`` is how far about
+    the vertical the camera is mounted from what the settings say. A flight without an end is given
+    up ``timeout_s`` after the start; one that has ended is watched for ``hold_s`` more, in which
+    the goal is held after DONE. ``limits`` are the gate's, whose horizontal speed the servo law
+    takes too. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need.
     """
 
-    camera: CameraModel
-    T_scene_start: FloatArray
-    T_scene_goal: FloatArray
-    vehicle: VehicleConfig = field(default_factory=VehicleConfig)
-    servo: ServoConfig = field(default_factory=ServoConfig)
-    gate: GateConfig = field(default_factory=lambda: GateConfig(engage=Engage.AUTO))
-    mount: Mount = field(default_factory=Mount)
-    mounted: Mount | None = None
-    rate_hz: float = 15.0
-    latency_s: float = 0.06
-    timeout_s: float = 90.0
-    after_s: float = 1.0
-    seed: int = 0
-    height_m: float = 1.5
+    seed: int
+    scene: Path
+    vehicle: VehicleConfig
+    matcher: str = EXACT
+    timeout_s: float = 60.0
+    hold_s: float = 5.0
+    mounted_deg: float = 0.0
+    limits: VelocityLimits = field(default_factory=VelocityLimits)
+    depth: DepthChoice = "motion"
+    depth_model: str = DEFAULT_DEPTH
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,63 +107,56 @@ class LockstepFlight:
 
     Parameters
     ----------
-    setup : LockstepSetup
+    job : SimulatedJob
+    task : Task
+        Start and goal.
     matcher : Matcher
     render : callable
-    on_pose : callable
-        Is told the camera's true pose before each image is encoded.
+        Makes the goal image, and each frame before it is encoded.
     depth : DepthEstimator, optional
         For ``servo.depth = "network"`` and ``"fused"``.
     """
 
     def __init__(
         self,
-        setup: LockstepSetup,
+        job: SimulatedJob,
+        task: Task,
         matcher: Matcher,
         render: Render,
-        on_pose: Callable[[FloatArray], None] = lambda _: None,
-        depth: DepthEstimator | None = None,
+        depth: DepthEstimator | None,
     ) -> None:
-        self._setup, self._render, self._on_pose = setup, render, on_pose
-        rng = np.random.default_rng(setup.seed)
-        self._vehicle = HoveringVehicle(setup.vehicle, rng, setup.height_m)
+        self._job, self._task, self._render = job, task, render
+        self._vehicle = HoveringVehicle(job.vehicle, np.random.default_rng(job.seed), _HEIGHT_M)
+        self._T_body_camera = Mount(yaw_rad=math.radians(job.mounted_deg)).T_body_camera()
         self._T_scene_local = self._anchor()
-        on_pose(setup.T_scene_goal)
-        sidecar = GoalSidecar(setup.camera, mount=setup.mount)
-        task = ServoTask(setup.servo, setup.camera, sidecar, setup.mount)
-        goal = Goal(render(setup.T_scene_goal), sidecar)
+        sidecar = GoalSidecar(CAMERA)
+        servo = ServoConfig(depth=job.depth, max_horizontal_m_s=job.limits.horizontal_m_s)
+        goal = Goal(render(task.T_world_goal), sidecar)
         self._now_ns = self._vehicle.now_ns
-        self.pipeline = Pipeline(task, matcher, goal, lambda: self._now_ns, depth)
-        self._gate = GateMachine(setup.gate, self._now_ns)
+        self._pipeline = Pipeline(
+            ServoTask(servo, CAMERA, sidecar, Mount()), matcher, goal, lambda: self._now_ns, depth
+        )
+        gate = GateConfig(
+            velocity=job.limits,
+            engage=Engage.AUTO,
+            on_done=OnDone.HOLD_VISUAL,
+            hold_visual_ns=round((job.hold_s + _HOLD_MARGIN_S) * S),
+        )
+        self._gate = GateMachine(gate, self._now_ns)
         self._history = VehicleHistory()
         self._reports: deque[tuple[int, Report]] = deque()
         self._frames = 0
-        self.log = LockstepLog()
+        self._log = LockstepLog()
 
     def _anchor(self) -> FloatArray:
         """Place the local frame so that the camera hovers at the start, level."""
         T = self._vehicle.T_local_body()
         yaw = np.arctan2(T[1, 0], T[0, 0])
         level = make_pose(rotation_from_euler(0.0, 0.0, yaw), T[:3, 3])
-        T_scene_body = self._setup.T_scene_start @ invert_pose(self._mounted.T_body_camera())
-        return T_scene_body @ invert_pose(level)
-
-    def T_scene_camera(self) -> FloatArray:
-        """True pose (4, 4) of the camera."""
-        return self._T_scene_local @ self._vehicle.T_local_body() @ self._mounted.T_body_camera()
-
-    @property
-    def T_scene_goal(self) -> FloatArray:
-        """Pose (4, 4) of the goal."""
-        return self._setup.T_scene_goal
-
-    @property
-    def _mounted(self) -> Mount:
-        return self._setup.mounted or self._setup.mount
+        return self._task.T_world_start @ invert_pose(self._T_body_camera) @ invert_pose(level)
 
     def run(self) -> LockstepLog:
-        """Fly to the end, and watch for ``after_s`` more."""
-        period_ns = round(1e9 / self._setup.rate_hz)
+        """Fly to the end, and watch for ``hold_s`` more."""
         start_ns = self._now_ns
         next_frame_ns, tick = start_ns, 0
         while not self._is_over(start_ns):
@@ -158,60 +164,50 @@ class LockstepFlight:
             self._history.add(self._vehicle.state())
             self._step_gate(tick)
             if self._now_ns >= next_frame_ns:
-                next_frame_ns += period_ns
+                next_frame_ns += _FRAME_PERIOD_NS
                 self._take_frame()
             self._now_ns += _TICK_NS
             tick += 1
-        return self.log
+        return self._log
 
     def _is_over(self, start_ns: int) -> bool:
         now_s = (self._now_ns - start_ns) * 1e-9
-        if self.log.ended_s is None and self.log.end is not None:
-            self.log.ended_s = now_s
-        if self.log.ended_s is None:
-            return now_s > self._setup.timeout_s
-        return now_s > self.log.ended_s + self._setup.after_s
+        if self._log.ended_s is None and self._log.end is not None:
+            self._log.ended_s = now_s
+        if self._log.ended_s is None:
+            return now_s > self._job.timeout_s
+        return now_s > self._log.ended_s + self._job.hold_s
 
     def _step_gate(self, tick: int) -> None:
         events: list[Event] = list(self._vehicle.events(tick))
         while self._reports and self._reports[0][0] <= self._now_ns:
             events.append(self._reports.popleft()[1])
         output = self._gate.step(self._now_ns, events)
-        self.log.transitions += output.transitions
+        self._log.transitions += output.transitions
         for change in output.transitions:
-            if str(change.target) == "SERVO" and self.log.engaged_ns is None:
-                self.log.engaged_ns = self._now_ns
+            if str(change.target) == "SERVO" and self._log.engaged_ns is None:
+                self._log.engaged_ns = self._now_ns
         if output.mode_request is not None:
             self._vehicle.request(output.mode_request)
         if output.setpoint is not None:
             self._vehicle.follow(output.setpoint)
 
     def _take_frame(self) -> None:
-        T = self.T_scene_camera()
-        self._on_pose(T)
+        T = self._T_scene_local @ self._vehicle.T_local_body() @ self._T_body_camera
         motion = self._history.at(self._now_ns)
         result = None
         if motion is not None:
             frame = Frame(self._render(T), self._now_ns, self._frames)
             self._frames += 1
             state = str(self._gate.state)
-            outcome = self.pipeline.process_frame(
+            outcome = self._pipeline.process_frame(
                 frame, motion, engaged=state == "SERVO", paused=state == "HOLD"
             )
-            arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
+            arrival_ns = self._now_ns + _LATENCY_NS
             if not outcome.is_coasting:
                 self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result
-            self.pipeline.work_between_frames()
-        error_m, error_rad = pose_error(T, self._setup.T_scene_goal)
-        since_ns = self._now_ns - (self.log.engaged_ns or self._now_ns)
-        self.log.samples.append(
-            Sample(
-                since_ns * 1e-9,
-                str(self._gate.state),
-                error_m,
-                error_rad,
-                T,
-                result,
-            )
-        )
+            self._pipeline.work_between_frames()
+        since_s = (self._now_ns - (self._log.engaged_ns or self._now_ns)) * 1e-9
+        error = pose_error(T, self._task.T_world_goal)
+        self._log.samples.append(Sample(since_s, str(self._gate.state), *error, T, result))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_bench.lockstep.flight import LockstepFlight, LockstepLog, Sample
+from dfvs_bench.lockstep.flight import LockstepLog, Sample
 from dfvs_bench.trials.statistics import largest, mean, settled_index
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.exchange import Status
@@ -58,25 +58,23 @@ class SimulatedFlight:
         return away[0] >= FALSE_DONE_M or away[1] >= FALSE_DONE_DEG
 
 
-def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> SimulatedFlight:
+def simulated_flight(seed: int, T_scene_goal: FloatArray, log: LockstepLog) -> SimulatedFlight:
     """Figures of a flight that has ended; by the true pose."""
-    flown = [s for s in log.samples if log.engaged_ns is not None and s.t_s >= 0.0]
-    flown = list(itertools.dropwhile(lambda s: s.state != "SERVO", flown))
+    flown = list(itertools.dropwhile(lambda s: s.state != "SERVO", log.samples))
     end, last = log.end, log.last_end
     end_s = None if end is None or log.engaged_ns is None else (end.t_ns - log.engaged_ns) * 1e-9
     held = [s for s in flown if s.state == "DONE"]
     errors, spreads = _distance_errors(flown)
-    start = flown[0] if flown else None
     return SimulatedFlight(
         seed=seed,
         end_state=log.samples[-1].state if last is None else str(last.target),
         end_cause="" if last is None else last.reason,
-        start_m=None if start is None else start.error_m,
+        start_m=flown[0].error_m if flown else None,
         end_s=end_s,
         within_s=_within_s(flown),
-        moved_m=0.0 if start is None else _moved_m(start, flown, end_s),
+        moved_m=_moved_m(flown, end_s),
         hold_rms_m=_rms([s.error_m for s in held]),
-        hold_heading_rms_deg=_rms([_heading_error_deg(s, flight.T_scene_goal) for s in held]),
+        hold_heading_rms_deg=_rms([_heading_error_deg(s, T_scene_goal) for s in held]),
         farthest_m=max((s.error_m for s in flown), default=0.0),
         distance_error=tuple(errors),
         distance_spread=tuple(spreads),
@@ -90,12 +88,11 @@ def _within_s(samples: Sequence[Sample]) -> float | None:
     return None if first is None else samples[first].t_s
 
 
-def _moved_m(start: Sample, samples: Sequence[Sample], end_s: float | None) -> float:
+def _moved_m(samples: Sequence[Sample], end_s: float | None) -> float:
     """Farthest that the camera was from where it was released, up to the end of the flight."""
     until = math.inf if end_s is None else end_s
-    origin = start.T_scene_camera[:3, 3]
-    ways = [s.T_scene_camera[:3, 3] - origin for s in samples if s.t_s <= until]
-    return max((float(np.linalg.norm(way)) for way in ways), default=0.0)
+    places = [s.T_scene_camera[:3, 3] for s in samples if s.t_s <= until]
+    return max((float(np.linalg.norm(place - places[0])) for place in places), default=0.0)
 
 
 def _rms(values: Sequence[float]) -> float | None:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
-from dfvs_bench.methods.odometry import CameraMotion, Odometry
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import se3_exp
+from dfvs_core.geometry.poses import make_pose, se3_exp, so3_exp
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
@@ -20,7 +19,7 @@ from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
-from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import ERRORS, ErrorProcess, EstimateGrade
 
 _PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
 _REFUSALS = 5
@@ -28,6 +27,11 @@ _REFUSALS = 5
 
 MAX_SPEED_M_S, MAX_TURN_RAD_S = 10.0, 3.0
 """Of the free camera: hardly a limit, as in the paper."""
+
+_ERROR_STEPS = 5
+"""Of the odometry's errors, in a frame."""
+_ERROR_SEED = 20
+"""Errors are the same for every method and scene: they are compared with each other."""
 
 
 def bench_config(depth: DepthChoice, response_s: float = 0.0) -> ServoConfig:
@@ -71,6 +75,40 @@ class LateDrive:
         self._twist = before + share * (target - before)
         mean: FloatArray = 0.5 * (before + self._twist)
         return mean
+
+
+class Odometry:
+    """What a vehicle's estimate says of the free camera's motion.
+
+    Parameters
+    ----------
+    grade : EstimateGrade
+        Size of the errors.
+    """
+
+    def __init__(self, grade: EstimateGrade) -> None:
+        self._errors = ErrorProcess(ERRORS[grade], np.random.default_rng(_ERROR_SEED))
+        self._last_position_m: FloatArray | None = None
+
+    @property
+    def velocity_error_m_s(self) -> FloatArray:
+        """Estimated minus true velocity (3,), in the world.
+
+        A camera that is controlled by the estimate moves by as much less than it was asked to.
+        """
+        return np.array(self._errors.velocity_m_s)
+
+    def estimate(self, T_world_camera: FloatArray, t_ns: int) -> Motion:
+        """Advance by one frame to a true pose (4, 4); the camera is the body."""
+        for _ in range(_ERROR_STEPS):
+            self._errors.step(FRAME_PERIOD_S / _ERROR_STEPS)
+        position_m = T_world_camera[:3, 3]
+        last_m = position_m if self._last_position_m is None else self._last_position_m
+        self._last_position_m = position_m
+        turn = so3_exp(np.array(self._errors.attitude_rad))
+        T = make_pose(turn @ T_world_camera[:3, :3], position_m + np.array(self._errors.position_m))
+        velocity_m_s = (position_m - last_m) / FRAME_PERIOD_S + self.velocity_error_m_s
+        return Motion.from_pose(T, velocity_m_s, t_ns=t_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,31 +155,27 @@ class PipelineMethod:
         camera: ControlledCamera = _EXACT,
     ) -> None:
         self._drive = camera.drive
-        self._odometry = Odometry(camera.grade, FRAME_PERIOD_S)
+        self._odometry = Odometry(camera.grade)
         sidecar = GoalSidecar(goal.camera)
         self._task = ServoTask(config, goal.camera, sidecar)
         self._now_ns = 0
         self._pipeline = Pipeline(
             self._task, matcher, Goal(goal.image, sidecar), lambda: self._now_ns, network
         )
-        self._last_position_m: FloatArray | None = None
         self._refused = 0
-        self._is_false_goal = False
-
-    @property
-    def is_false_goal(self) -> bool:
+        self.is_false_goal = False
         """Whether the last frame should have been at the goal, and does not look like it."""
-        return self._is_false_goal
 
     def decide(self, observation: Observation) -> Decision:
         """Process one frame; a refused frame keeps the camera where it is."""
         self._now_ns = (observation.index + 1) * _PERIOD_NS
         depth = observation.depth if self._task.config.depth == "given" else None
         frame = Frame(observation.image, self._now_ns, observation.index)
-        result = self._pipeline.process_frame(frame, self._motion(observation), True, depth).result
+        motion = self._odometry.estimate(observation.T_world_camera, self._now_ns)
+        result = self._pipeline.process_frame(frame, motion, True, depth).result
         self._pipeline.work_between_frames()
         flown = result.status is Status.OK
-        self._is_false_goal = result.status is Status.FALSE_GOAL
+        self.is_false_goal = result.status is Status.FALSE_GOAL
         self._refused = 0 if flown else self._refused + 1
         given_up = result.status is Status.STUCK or self._refused >= _REFUSALS
         return Decision(
@@ -156,11 +190,3 @@ class PipelineMethod:
         twist = self._drive(asked).copy()
         twist[:3] -= observation.T_world_camera[:3, :3].T @ self._odometry.velocity_error_m_s
         return twist
-
-    def _motion(self, observation: Observation) -> Motion:
-        """The camera's own motion as a vehicle state, the camera being the body."""
-        position = observation.T_world_camera[:3, 3]
-        last = position if self._last_position_m is None else self._last_position_m
-        self._last_position_m = position
-        moved = CameraMotion(observation.T_world_camera, (position - last) / FRAME_PERIOD_S)
-        return self._odometry.estimate(moved, self._now_ns)

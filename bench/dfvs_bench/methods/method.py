@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
@@ -47,6 +49,12 @@ class GoalObservation:
     image: ImageArray
     depth: DepthMap
 
+    @property
+    def median_depth_m(self) -> float | None:
+        """Median of the depth over its valid pixels; None where none is."""
+        known = self.depth.z_m[self.depth.validity > 0]
+        return float(np.median(known)) if known.size else None
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
@@ -84,9 +92,6 @@ class Networks:
 
     depth: DepthEstimator | None = None
     pose: PoseRegressor | None = None
-
-
-NO_NETWORKS = Networks()
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +132,7 @@ class MethodKind:
             If there is no such bundle, or it cannot be used.
         """
         if bundle is None:
-            return NO_NETWORKS
+            return Networks()
         if self.pose:
             return Networks(pose=load_pose(bundle, threads=1))
         return Networks(depth=load_depth(self.depth, bundle, threads=1))

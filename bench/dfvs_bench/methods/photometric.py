@@ -18,7 +18,8 @@ ITERATIONS = 400
 _GAIN = 30.0 * 0.04
 _DAMPING_FIRST, _DAMPING_LATER = 0.01, 0.0001
 _DAMPED_FRAMES = 90
-_BORDER_PX = 10
+_INNER = (slice(10, -10),) * 2
+"""Pixels off the border, as the reference implementation takes them."""
 _SQUARED_ERROR_AT_GOAL = 10_000.0 / (320 * 240)
 """Mean squared error in grey levels squared: 10,000 in all at the example's image size."""
 
@@ -38,18 +39,18 @@ class PhotometricMethod:
 
     def __init__(self, goal: GoalObservation) -> None:
         self._goal = _grey(goal.image)
-        pixels = goal.camera.grid()[_inner()]
-        z_m = goal.depth.z_m[_inner()].astype(np.float64).ravel()
+        pixels = goal.camera.grid()[_INNER]
+        z_m = goal.depth.z_m[_INNER].astype(np.float64).ravel()
         L_x = interaction_matrix(goal.camera.normalise(pixels.reshape(-1, 2)), z_m)
         gradient = _gradient(self._goal) * [goal.camera.fx, goal.camera.fy]
         # Brightness constancy: dI/dt = -grad(I) . dx/dt (Eq. (12) of the article).
         L = -np.einsum("ni,nij->nj", gradient, L_x)
-        self._L = L * goal.depth.validity[_inner()].reshape(-1, 1)
+        self._L = L * goal.depth.validity[_INNER].reshape(-1, 1)
         self._H = self._L.T @ self._L
 
     def decide(self, observation: Observation) -> Decision:
         """One step of Levenberg and Marquardt."""
-        error = (_grey(observation.image) - self._goal)[_inner()].astype(np.float64).ravel()
+        error = (_grey(observation.image) - self._goal)[_INNER].astype(np.float64).ravel()
         mean_squared = float(np.mean(error * error))
         damping = _DAMPING_FIRST if observation.index < _DAMPED_FRAMES else _DAMPING_LATER
         damped = self._H + damping * np.diag(np.diag(self._H))
@@ -77,11 +78,6 @@ def _gradient(grey: Float32Array) -> FloatArray:
     frames.
     """
     kernel_along = np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12.0
-    du = cv2.filter2D(grey, cv2.CV_32F, kernel_along)[_inner()]
-    dv = cv2.filter2D(grey, cv2.CV_32F, kernel_along.T)[_inner()]
+    du = cv2.filter2D(grey, cv2.CV_32F, kernel_along)[_INNER]
+    dv = cv2.filter2D(grey, cv2.CV_32F, kernel_along.T)[_INNER]
     return np.stack([du.ravel(), dv.ravel()], axis=1).astype(np.float64)
-
-
-def _inner() -> tuple[slice, slice]:
-    """Pixels off the border, as the reference implementation takes them."""
-    return slice(_BORDER_PX, -_BORDER_PX), slice(_BORDER_PX, -_BORDER_PX)

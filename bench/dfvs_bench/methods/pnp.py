@@ -5,32 +5,31 @@ is found by perspective-n-point with random sampling, and refined (Chaumette and
 IV, for the law).
 """
 
-from typing import TypeAlias
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.depth.depth_map import DepthMap
-from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, IntArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.matching.warping import flow_at_size
+from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.points import points_from_flow, sample_grid
 
-IntArray: TypeAlias = NDArray[np.intp]
 ITERATIONS = 200
 _GAIN = 0.1
-STRIDE_PX = 8
-GRID = slice(STRIDE_PX // 2, None, STRIDE_PX)
-LEAST_CONFIDENCE = 0.3
+_STRIDE_PX = 8
+_GRID = (slice(_STRIDE_PX // 2, None, _STRIDE_PX),) * 2
+_LEAST_CONFIDENCE = 0.3
 LEAST_POINTS = 8
 """Correspondences that a pose must stand on."""
 
 REPROJECTION_PX = 3.0
+_WIDTH_PX = 320.0
+"""Width of the image at which :func:`pose_with_depth` takes that."""
 _SAMPLES = 300
 _FAILURES = 5
 _AT_GOAL_M, _AT_GOAL_RAD = 0.005, 0.002
@@ -68,7 +67,7 @@ class PnpMethod:
         self._failed, self._last_flow = 0, flow
         twist = se3_log(T_current_goal)
         distance_m, angle_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
-        confident = flow.confidence > LEAST_CONFIDENCE
+        confident = flow.confidence > _LEAST_CONFIDENCE
         error_px = float(np.median(np.linalg.norm(flow.flow[confident], axis=1)))
         done = bool(distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD)
         return Decision(se3_exp(_GAIN * twist), error_px, done)
@@ -76,36 +75,53 @@ class PnpMethod:
     def _goal_pose(self, flow: FlowField, observation: Observation) -> FloatArray | None:
         """Goal camera in the current one (4, 4), or None."""
         flow = flow_at_size(flow, (self._camera.height, self._camera.width))
-        P, xy_goal = confident_points(flow, observation.depth, self._camera)
+        P, xy_goal = _confident_points(flow, observation.depth, self._camera)
         found = perspective_pose(P, xy_goal, REPROJECTION_PX / self._camera.fx)
         return None if found is None else found[0]
 
 
-def confident_points(
-    flow: FlowField, depth: DepthMap, camera: CameraModel
-) -> tuple[FloatArray, FloatArray]:
-    """Points of the current view whose flow is confident and whose depth is valid.
+def pose_with_depth(
+    flow: FlowField, depth_m: Float32Array, camera: CameraModel
+) -> FloatArray | None:
+    """``T_current_goal`` (4, 4), m, by the flow from the current view to the goal.
+
+    None where the service would refuse the frame: too few of the points are confident, or too few
+    of those agree on a pose.
 
     Parameters
     ----------
     flow : FlowField
-        (H, W), from the current view to the goal.
-    depth : DepthMap
-        (H, W), of the current view.
+        At the matcher's working size.
+    depth_m : (H, W)
+        Of the current view; 0 is sky.
     camera : CameraModel
-        Of both views, at that size.
-
-    Returns
-    -------
-    P : (N, 3)
-        Points in the current optical frame, m, on a grid of ``STRIDE_PX``.
-    xy_goal : (N, 2)
-        Normalised coordinates in the goal image.
+        Of the depth.
     """
-    grid = (GRID, GRID)
-    depth = DepthMap(depth.z_m[grid], depth.validity[grid])
-    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
-    points = points.select((depth.validity.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
+    config = ServoConfig()
+    height, width = flow.confidence.shape
+    camera = camera.scaled(width, height)
+    depth_m = np.asarray(cv2.resize(depth_m, (width, height), interpolation=cv2.INTER_NEAREST))
+    depth = DepthMap(np.maximum(depth_m, np.float32(1e-3)), (depth_m > 0).astype(np.float32))
+    P, xy_goal = _confident_points(flow, depth, camera)
+    if len(P) < config.min_overlap * depth_m[_GRID].size:
+        return None
+    tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
+    pose = perspective_pose(P, xy_goal, tolerance)
+    if pose is None or len(pose[1]) < config.min_inliers * len(P):
+        return None
+    return pose[0]
+
+
+def _confident_points(
+    flow: FlowField, depth: DepthMap, camera: CameraModel
+) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 3) m in the current optical frame, and (N, 2) normalised in the goal image.
+
+    Those on a grid whose flow (H, W) to the goal is confident and whose depth (H, W) is valid.
+    """
+    depth = DepthMap(depth.z_m[_GRID], depth.validity[_GRID])
+    points = points_from_flow(sample_grid(flow, _STRIDE_PX), depth, camera, camera)
+    points = points.select((depth.validity.ravel() > 0) & (points.weight > _LEAST_CONFIDENCE))
     rays = np.column_stack([points.xy, np.ones(len(points.xy))])
     return rays * points.z_m[:, None], points.xy_goal
 

@@ -42,8 +42,7 @@ class PoseRegressionMethod:
             raise ModelError("no network that regresses poses", "a bundle of the kind 'pose'")
         self._network, self._camera = network, goal.camera
         self._goal = network.fit(goal.image, goal.camera)
-        seen = goal.depth.z_m[goal.depth.validity > 0]
-        scale = float(np.median(seen)) if network.unit == "depth" and len(seen) else 1.0
+        scale = (goal.median_depth_m or 1.0) if network.unit == "depth" else 1.0
         self._to_m: FloatArray = np.array([scale] * 3 + [1.0] * 3)
         self._at_goal = 0
 

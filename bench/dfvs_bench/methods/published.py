@@ -83,7 +83,7 @@ class PublishedMethod:
     def _inverse_depth(self, features: ImageFeatures, observation: Observation) -> FloatArray:
         """What the code takes for 1 / Z of every point (N,)."""
         if self._last is None:
-            return _sampled(observation.depth.z_m).astype(np.float64).ravel()
+            return _sampled(observation.depth.z_m).ravel()
         motion_px = self._flow_px(self._matcher.match(features, self._last))
         lengths: FloatArray = np.linalg.norm(motion_px.reshape(-1, 2), axis=1) + 1.0
         return lengths

@@ -1,12 +1,11 @@
 """The methods that the benchmark compares, by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from dfvs_bench.methods import photometric, pnp, pose_regression, published, scan_search, sift
 from dfvs_bench.methods.dfvs import ControlledCamera, LateDrive, PipelineMethod, bench_config
-from dfvs_bench.methods.method import GoalObservation, MethodKind, Networks
+from dfvs_bench.methods.method import MethodKind
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.matcher import Matcher
 from dfvs_core.servo.config import DepthChoice
 from dfvs_models.catalog import bundle_folder
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
@@ -14,10 +13,17 @@ from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 _DFVS_ITERATIONS = 300
 
 
-def _dfvs(depth: DepthChoice, summary: str) -> MethodKind:
-    config = bench_config(depth)
+def _dfvs(
+    depth: DepthChoice,
+    summary: str,
+    response_s: float = 0.0,
+    camera: Callable[[], ControlledCamera] = ControlledCamera,
+) -> MethodKind:
+    config = bench_config(depth, response_s)
     return MethodKind(
-        lambda goal, matcher, networks: PipelineMethod(config, goal, matcher, networks.depth),
+        lambda goal, matcher, networks: PipelineMethod(
+            config, goal, matcher, networks.depth, camera()
+        ),
         summary,
         _DFVS_ITERATIONS,
         depth,
@@ -25,29 +31,13 @@ def _dfvs(depth: DepthChoice, summary: str) -> MethodKind:
 
 
 def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> MethodKind:
-    config = bench_config(depth, response_s=LateDrive.RESPONSE_S)
     estimate = "" if grade is EstimateGrade.PERFECT else f", odometry of grade {grade.value}"
-    return MethodKind(
-        lambda goal, matcher, networks: PipelineMethod(
-            config, goal, matcher, networks.depth, ControlledCamera(LateDrive(), grade)
-        ),
-        f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
-        _DFVS_ITERATIONS,
+    return _dfvs(
         depth,
+        f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
+        LateDrive.RESPONSE_S,
+        lambda: ControlledCamera(LateDrive(), grade),
     )
-
-
-def _scan_search(summary: str) -> MethodKind:
-    config = bench_config("motion")
-
-    def make(
-        goal: GoalObservation, matcher: Matcher, _networks: Networks
-    ) -> scan_search.ScanSearchMethod:
-        return scan_search.ScanSearchMethod(
-            lambda: PipelineMethod(config, goal, matcher), goal, matcher
-        )
-
-    return MethodKind(make, summary, scan_search.ITERATIONS)
 
 
 def _regression(name: str, summary: str) -> MethodKind:
@@ -64,7 +54,13 @@ METHODS: dict[str, MethodKind] = {
     "motion-depth": _dfvs("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion"),
     "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
-    "motion-depth-search": _scan_search("motion-depth that looks around where it finds no goal"),
+    "motion-depth-search": MethodKind(
+        lambda goal, matcher, _: scan_search.ScanSearchMethod(
+            lambda: PipelineMethod(bench_config("motion"), goal, matcher), goal, matcher
+        ),
+        "motion-depth that looks around where it finds no goal",
+        scan_search.ITERATIONS,
+    ),
     "network-depth": _dfvs("network", "the product's law with a network's depth of the goal image"),
     "fused-depth": _dfvs("fused", "the same, fused with the depth from its own motion"),
     "fused-depth-late": _late("fused"),
@@ -109,18 +105,18 @@ POSE_NETWORKS = tuple(dict.fromkeys(kind.pose for kind in METHODS.values() if ki
 """Names of the networks that regress poses."""
 
 
-def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:
-    """Methods by their names; the default ones where nobody names any.
+def chosen_methods(names: Sequence[str]) -> dict[str, MethodKind]:
+    """Methods by their names.
 
     Raises
     ------
     ConfigError
         If there is no such method.
     """
-    for name in names or ():
+    for name in names:
         if name not in METHODS:
             raise ConfigError(f"there is no method {name!r}", f"one of {', '.join(METHODS)}")
-    return {name: METHODS[name] for name in dict.fromkeys(names or DEFAULT_METHODS)}
+    return {name: METHODS[name] for name in dict.fromkeys(names)}
 
 
 def with_bundles(names: Sequence[str], bundles: Mapping[str, str]) -> list[str]:

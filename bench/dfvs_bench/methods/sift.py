@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
-from dfvs_bench.methods.pnp import LEAST_POINTS, perspective_pose
+from dfvs_bench.methods.pnp import LEAST_POINTS, REPROJECTION_PX, perspective_pose
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import se3_exp
@@ -20,7 +20,6 @@ ITERATIONS = 200
 _GAIN = 0.1
 _RATIO = 0.8
 _FEATURES = 1000
-_REPROJECTION_PX = 3.0
 _FAILURES = 5
 _ERROR_AT_GOAL_PX = 0.2
 
@@ -47,7 +46,7 @@ class SiftMethod:
         pixels, partners, z_m = pixels[known], partners[known], z_m[known]
         xy, xy_goal = self._camera.normalise(pixels), self._camera.normalise(partners)
         P = np.column_stack([xy, np.ones(len(xy))]) * z_m[:, None]
-        found = perspective_pose(P, xy_goal, _REPROJECTION_PX / self._camera.fx)
+        found = perspective_pose(P, xy_goal, REPROJECTION_PX / self._camera.fx)
         if found is None:
             self._failed += 1
             lost = "too few points match" if self._failed >= _FAILURES else ""

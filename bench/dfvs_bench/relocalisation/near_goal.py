@@ -9,7 +9,7 @@ import numpy as np
 
 from dfvs_bench.basin.drawing import DrawnTask
 from dfvs_bench.basin.environments import Environment
-from dfvs_bench.methods.pose_with_depth import pose_with_depth
+from dfvs_bench.methods.pnp import pose_with_depth
 from dfvs_bench.trials.run import renderer_of
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp

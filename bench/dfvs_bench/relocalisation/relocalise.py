@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
+from dfvs_bench.basin.drawing import DrawnTask, DrawRequest, draw
 from dfvs_bench.basin.environments import Environment
-from dfvs_bench.methods.pose_with_depth import pose_with_depth
+from dfvs_bench.methods.pnp import pose_with_depth
 from dfvs_bench.relocalisation.near_goal import Approach, approach, approach_figures
 from dfvs_bench.trials.run import renderer_of
 from dfvs_core.errors import ConfigError
@@ -74,8 +74,8 @@ class RelocalisationJob:
     matcher: str
     environment: Environment
     tasks: tuple[DrawnTask, ...]
-    threads: int = 2
-    config: MatchingConfig | None = None
+    threads: int
+    config: MatchingConfig
 
 
 def without(stages: Iterable[str]) -> MatchingConfig:
@@ -98,7 +98,7 @@ def draw_starts(request: DrawRequest, trials: int) -> tuple[DrawnTask, ...]:
     """Starts of one environment that see enough of the goal, at most so many, of all cells."""
     by_cell: dict[str, list[DrawnTask]] = {}
     for task in draw(request):
-        if task.overlap >= LEAST_OVERLAP:
+        if task.overlaps:
             by_cell.setdefault(task.cell.name, []).append(task)
     chosen: list[DrawnTask] = []
     while len(chosen) < trials and any(by_cell.values()):

@@ -17,22 +17,11 @@ _MARKERS = "osD^vX"
 _PANEL_IN, _NAMES_IN = 1.25, 0.5
 
 
-def basin_figure(outcomes: Sequence[Outcome], file_format: str = "png") -> bytes:
-    """Plot a row of two panels for every method: all tasks, and those with overlap.
+def basin_figure(outcomes: Sequence[Outcome], file_format: str) -> bytes:
+    """File (``png``, ``svg`` or ``pdf``) with two panels a method: all tasks, those with overlap.
 
     Bars are 95 % intervals; a dotted line of the same colour is what the paper's text says of the
     rotation set.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    file_format : str
-        ``png``, ``svg`` or ``pdf``.
-
-    Returns
-    -------
-    bytes
-        The file.
     """
     found = curves(outcomes)
     methods = list(dict.fromkeys(curve.method for curve in found))

@@ -4,18 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from dfvs_bench.report.figures import COLUMN_IN, STYLE, file_of
+from dfvs_bench.report.page import small
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.network import DepthEstimator, goal_depth
 from dfvs_core.depth.source import DepthInputs, EarlierView
-from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.poses import invert_pose, se3_exp, se3_log
 from dfvs_core.matching.matcher import Matcher
 from dfvs_sim.render.renderer import Renderer
@@ -23,7 +23,6 @@ from dfvs_sim.render.renderer import Renderer
 FIRST_STEP = 0.05
 """Share of the way to the goal between the two views that depth from flow is shown of."""
 
-_PANEL_PX = 200
 _BOUNDS_PERCENT = (2.0, 98.0)
 _GAP = 0.05
 _NO_DEPTH = "#dddddd"
@@ -102,10 +101,10 @@ def depth_figure(rows: Sequence[DepthViews]) -> bytes:
 def _draw_row(figure: Figure, panels: Any, row: DepthViews) -> None:
     low, high = np.nanpercentile(row.depths["true depth"], _BOUNDS_PERCENT)
     colours = mpl.colormaps["viridis_r"].with_extremes(bad=_NO_DEPTH)
-    panels[0].imshow(_small(row.image))
+    panels[0].imshow(small(row.image))
     panels[0].set_ylabel(row.task, fontsize=6)
     for axes, depth_m in zip(panels[1:], row.depths.values(), strict=True):
-        shown = axes.imshow(_small(depth_m.astype(np.float32)), colours, vmin=low, vmax=high)
+        shown = axes.imshow(small(depth_m.astype(np.float32)), colours, vmin=low, vmax=high)
     bar = figure.colorbar(shown, ax=list(panels), pad=0.01, shrink=0.9, aspect=12, extend="both")
     bar.ax.tick_params(labelsize=5.5, length=1.5, pad=1)
     bar.outline.set_linewidth(0.4)
@@ -113,9 +112,3 @@ def _draw_row(figure: Figure, panels: Any, row: DepthViews) -> None:
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_visible(False)
         axes.grid(visible=False)
-
-
-def _small(values: ImageArray | Float32Array) -> Any:
-    """An image (H, W, ...) in the size in which it is printed."""
-    height = round(_PANEL_PX * values.shape[0] / values.shape[1])
-    return cv2.resize(values, (_PANEL_PX, height), interpolation=cv2.INTER_AREA)

@@ -70,21 +70,8 @@ def file_of(figure: Figure, file_format: str) -> bytes:
     return buffer.getvalue()
 
 
-def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") -> bytes:
-    """Plot the trials of one task, a line for every method.
-
-    Parameters
-    ----------
-    records : sequence of TrialRecord
-        Of the same task.
-    file_format : str
-        ``png``, ``svg`` or ``pdf``.
-
-    Returns
-    -------
-    bytes
-        The file.
-    """
+def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes:
+    """File (``png``, ``svg`` or ``pdf``) of the trials of one task, a line for every method."""
     rows = -(-(len(records) + 1) // _NAMES_A_ROW)
     height_in = sum(_HEIGHTS_IN) + _NAMES_IN * rows
     with mpl.rc_context(STYLE):

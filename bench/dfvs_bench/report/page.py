@@ -3,12 +3,13 @@
 import base64
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
 from dfvs_common.templates import templates
-from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.messages.image import encode_jpeg
 
 _JPEG_QUALITY = 88
@@ -36,8 +37,12 @@ def _svg_url(data: bytes) -> str:
     return f"data:image/svg+xml;base64,{base64.b64encode(data).decode()}"
 
 
+def small(values: ImageArray | Float32Array) -> Any:
+    """An image (H, W, ...) in the size in which it is printed."""
+    height = round(_PANEL_PX * values.shape[0] / values.shape[1])
+    return cv2.resize(values, (_PANEL_PX, height), interpolation=cv2.INTER_AREA)
+
+
 def _jpeg_url(image: ImageArray) -> str:
-    height = round(_PANEL_PX * image.shape[0] / image.shape[1])
-    small = cv2.resize(image, (_PANEL_PX, height), interpolation=cv2.INTER_AREA)
-    data = encode_jpeg(np.asarray(small, np.uint8), _JPEG_QUALITY)
+    data = encode_jpeg(np.asarray(small(image), np.uint8), _JPEG_QUALITY)
     return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"

@@ -4,16 +4,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 
+from dfvs_bench.basin.drawing import LEAST_OVERLAP
 from dfvs_bench.basin.outcomes import Outcome
+from dfvs_bench.basin.ratios import curves
 from dfvs_bench.drone.records import FlightRecord
-from dfvs_bench.report.basin_section import basin_section
-from dfvs_bench.report.drone_section import drone_section
+from dfvs_bench.drone.tables import summarise, summary_line
+from dfvs_bench.report.basin_figure import basin_figure
 from dfvs_bench.report.page import render
-from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
+from dfvs_bench.report.paper import PAPER_BASIN, PAPER_COLUMNS, paper_scenes
 from dfvs_bench.report.table1_section import table1_section
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.task import BenchTask, same_poses
+
+_METHODS_A_FIGURE = 6
+"""So that a figure fits on a page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,22 +45,11 @@ class Contents:
     flights: Sequence[FlightRecord] = ()
     depth_bundle: str | None = None
 
-    @property
-    def trials(self) -> list[TrialRecord]:
-        """All trials with a free camera."""
-        return [*self.records, *(outcome.record for outcome in self.outcomes)]
-
 
 def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
-    """Write the page.
-
-    Parameters
-    ----------
-    contents : Contents
-    progress : callable
-        Told which task is being drawn.
-    """
-    trials, flights = contents.trials, contents.flights
+    """HTML of the page; ``progress`` is told which task is being drawn."""
+    trials = [*contents.records, *(outcome.record for outcome in contents.outcomes)]
+    flights = contents.flights
     sections = []
     if contents.records:
         drawn = contents.tasks, contents.records, contents.depth_bundle
@@ -78,6 +72,27 @@ def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
         columns=PAPER_COLUMNS,
         scenes=paper_scenes(),
     )
+
+
+def basin_section(outcomes: Sequence[Outcome]) -> str:
+    """HTML of the basin, with its heading: Fig. 6 with our figures, and what the paper says."""
+    methods = list(dict.fromkeys(o.record.method for o in outcomes))
+    parts = [methods[k : k + _METHODS_A_FIGURE] for k in range(0, len(methods), _METHODS_A_FIGURE)]
+    return render(
+        "basin.html.j2",
+        overlap=LEAST_OVERLAP,
+        seeds=sorted({o.seed for o in outcomes}),
+        environments=len({o.drawn.environment for o in outcomes}),
+        curves=[curve for curve in curves(outcomes) if curve.outcomes],
+        paper=PAPER_BASIN,
+        plots=[basin_figure([o for o in outcomes if o.record.method in p], "svg") for p in parts],
+    )
+
+
+def drone_section(records: Sequence[FlightRecord]) -> str:
+    """HTML of the flights, with their heading."""
+    summary = summary_line(summarise(records))
+    return render("drone.html.j2", records=records, limits=records[0].limits, summary=summary)
 
 
 def _are_default(tasks: Sequence[BenchTask]) -> bool:

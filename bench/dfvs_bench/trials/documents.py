@@ -18,15 +18,9 @@ _T = TypeVar("_T")
 
 
 def read_document(kind: type[_T], path: Path, subject: str, expected: str) -> _T:
-    """Read a document and check it against its dataclass.
+    """Read a document and check it against its dataclass, ``kind``.
 
-    Parameters
-    ----------
-    kind : type
-        Dataclass of the document.
-    path : Path
-    subject, expected : str
-        What the file is and should be, for the error.
+    ``subject`` and ``expected`` say in the error what the file is and should be.
 
     Raises
     ------

@@ -5,7 +5,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -54,13 +54,8 @@ class TrialExecutor:
     def finished(self, work: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
         """Do all jobs; results come as they are finished, in any order.
 
-        Whoever stops listening cancels the jobs that have not begun.
-
-        Parameters
-        ----------
-        work : callable
-            A function of a module, which a job and its result can be sent to and from.
-        jobs : sequence
+        Whoever stops listening cancels the jobs that have not begun. ``work`` is a function of a
+        module, which a job and its result can be sent to and from.
 
         Raises
         ------
@@ -72,7 +67,8 @@ class TrialExecutor:
         if self.workers == 1 and self.dask is None:
             yield from map(work, jobs)
             return
-        with self._executor() as executor:
+        pool = _local_executor(self.workers) if self.dask is None else _dask_executor(self.dask)
+        with pool as executor:
             futures = {executor.submit(work, job) for job in jobs}
             try:
                 while futures:
@@ -83,11 +79,6 @@ class TrialExecutor:
                 if self.dask is not None:  # a pool of this machine ends its workers by itself
                     for future in futures:
                         future.cancel()
-
-    def _executor(self) -> AbstractContextManager[Executor]:
-        if self.dask is not None:
-            return _dask_executor(self.dask)
-        return _local_executor(self.workers)
 
 
 @contextmanager

@@ -177,7 +177,7 @@ def _rearranged(renderer: Renderer, perturbation: Perturbation, task: BenchTask)
         if not seen[k] or share >= MOVED[strength]:
             continue
         others = [thing for j, thing in enumerate(objects) if j != k]
-        by_m = _free_shift(objects[k], others, task, (MOVED_M[strength], rng))
+        by_m = _free_shift(objects[k], others, task, MOVED_M[strength], rng)
         if by_m is not None:
             scene = move_vertices(scene, objects[k].vertices, by_m)
             objects[k] = objects[k].shifted(by_m)
@@ -206,13 +206,13 @@ def _free_shift(
     thing: SceneObject,
     others: list[SceneObject],
     task: BenchTask,
-    how: tuple[float, np.random.Generator],
+    distance_m: float,
+    rng: np.random.Generator,
 ) -> FloatArray | None:
     """Horizontal shift (3,) by a distance in m that hits no other object and leaves the way free.
 
     Objects move towards the middle of the way rather than away from it, where the walls are.
     """
-    distance_m, rng = how
     start, goal = task.T_world_start[:3, 3], task.T_world_goal[:3, 3]
     way = np.linspace(start, goal, 20)
     size = thing.high - thing.low

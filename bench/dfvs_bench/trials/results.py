@@ -1,17 +1,14 @@
 """Trials on disk: one JSON file each, so that a broken run can be taken up again."""
 
-import subprocess
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 from dfvs_bench.trials.documents import read_document, write_document
-from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_bench.trials.trial import Trial
 from dfvs_core.errors import ConfigError
-
-_NO_REVISION = "unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,21 +128,3 @@ def fits(
         and record.version == version("dfvs")
         and record.inputs == input_digest(task, matcher, network=network)
     )
-
-
-def git_revision() -> str:
-    """Commit of the program, ``+`` after it where files were changed since; or ``unknown``.
-
-    An installed copy may lie in somebody else's repository, whose commit says nothing of it.
-    """
-    try:
-        _git("ls-files", "--error-unmatch", Path(__file__).name)
-        return _git("describe", "--always", "--abbrev=10", "--dirty=+") or _NO_REVISION
-    except (OSError, subprocess.SubprocessError):
-        return _NO_REVISION
-
-
-def _git(*words: str) -> str:
-    command = ["git", "-C", str(Path(__file__).parent), *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=20)
-    return done.stdout.strip()

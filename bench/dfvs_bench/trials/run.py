@@ -3,15 +3,13 @@
 import functools
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 from dfvs_bench.methods.method import Networks
 from dfvs_bench.methods.registry import METHODS
-from dfvs_bench.trials.executor import TrialExecutor
-from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.perturbation import (
     Disturbance,
     Perturbation,
@@ -19,10 +17,10 @@ from dfvs_bench.trials.perturbation import (
     perturbed_renderer,
     undisturbed,
 )
-from dfvs_bench.trials.results import TrialRecord, fits, git_revision, read_record, record_path
-from dfvs_bench.trials.results import write_record as keep_record
+from dfvs_bench.trials.provenance import input_digest
+from dfvs_bench.trials.results import TrialRecord, fits, read_record, record_path
 from dfvs_bench.trials.task import BenchTask
-from dfvs_bench.trials.trial import goal_observation, median_depth_m, run_trial
+from dfvs_bench.trials.trial import goal_observation, run_trial
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.render.renderer import Renderer
@@ -65,51 +63,6 @@ class Job:
         return self.perturbation.name if self.perturbation else ""
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What a run is to try.
-
-    Parameters
-    ----------
-    tasks : sequence of BenchTask
-    methods : sequence of str
-        Names of methods.
-    matcher : str
-        Name of the matcher that they share.
-    most_iterations : int or None
-        Frames for every method; None gives each its authors' number.
-    networks : mapping
-        Bundles of the networks that methods need, by ``MethodKind.network``.
-    perturbations : sequence of Perturbation
-        Each is tried as well as none.
-    """
-
-    tasks: Sequence[BenchTask]
-    methods: Sequence[str]
-    matcher: str
-    most_iterations: int | None = None
-    networks: Mapping[str, str] = field(default_factory=dict)
-    perturbations: Sequence[Perturbation] = ()
-
-    def jobs(self) -> list[Job]:
-        """All trials, scene by scene."""
-        revision = git_revision()
-        return [
-            Job(
-                task,
-                name,
-                self.matcher,
-                self.most_iterations or METHODS[name].iterations,
-                revision,
-                self.networks[METHODS[name].network] if METHODS[name].network else None,
-                perturbation,
-            )
-            for task in self.tasks
-            for perturbation in (None, *self.perturbations)
-            for name in self.methods
-        ]
-
-
 def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[TrialRecord]]:
     """Jobs without a record that fits, and the records that the others have."""
     left, found = [], []
@@ -127,17 +80,25 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
     return left, found
 
 
-def run_jobs(jobs: Sequence[Job], folder: Path, executor: TrialExecutor) -> Iterator[TrialRecord]:
-    """Run trials and keep each one's record in the folder, as they come.
+class Countdown:
+    """Tells how far a run is, and how long it still takes by what it took so far.
 
-    Raises
-    ------
-    DfvsError
-        If a scene, the matcher or the executor cannot be used.
+    Parameters
+    ----------
+    count : int
+        Jobs that are to be done.
     """
-    for record in executor.finished(run_job, jobs):
-        keep_record(folder, record)
-        yield record
+
+    def __init__(self, count: int) -> None:
+        self._count, self._done = count, 0
+        self._began_s = time.monotonic()
+
+    def step(self) -> str:
+        """Count one more as done: ``[12/70, 9 min left]``."""
+        self._done += 1
+        elapsed_s = time.monotonic() - self._began_s
+        left_min = elapsed_s / self._done * (self._count - self._done) / 60.0
+        return f"[{self._done}/{self._count}, {left_min:.0f} min left]"
 
 
 def run_job(job: Job) -> TrialRecord:
@@ -172,7 +133,7 @@ def _make_trial(job: Job) -> TrialRecord:
         inputs=input_digest(job.task, job.matcher, network=job.network),
         seed=job.task.seed,
         perturbation=job.condition,
-        median_depth_m=median_depth_m(goal.depth),
+        median_depth_m=goal.median_depth_m,
     )
 
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -22,8 +21,6 @@ _HEIGHT_M = (0.6, 2.0)
 _DEPTH_M = (1.3, 6.0)
 _GOAL_PITCH_RAD = (math.radians(-15.0), math.radians(8.0))
 _WAY_POINTS = 8
-
-Depths: TypeAlias = tuple[Float32Array, Float32Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +105,9 @@ class SceneSampler:
         """Number of SIFT points of an image (H, W, 3)."""
         return len(self._sift.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None))
 
-    def overlap(self, poses: tuple[FloatArray, FloatArray], depths: Depths) -> float:
+    def overlap(
+        self, poses: tuple[FloatArray, FloatArray], depths: tuple[Float32Array, Float32Array]
+    ) -> float:
         """Share of the goal's pixels that the start sees; goal and start, with depths (H, W) m."""
         return float(visibility(self.camera, poses, depths).mean())
 

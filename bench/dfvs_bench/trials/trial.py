@@ -160,12 +160,6 @@ def true_depth(view: View) -> DepthMap:
     return DepthMap(z, seen.astype(np.float32))
 
 
-def median_depth_m(depth: DepthMap) -> float | None:
-    """Median of a depth (H, W) over its valid pixels, m; None where none is."""
-    known = depth.z_m[depth.validity > 0]
-    return float(np.median(known)) if known.size else None
-
-
 def _step(task: BenchTask, T: FloatArray, decision: Decision) -> Step:
     distance_m, angle_rad = pose_error(T, task.T_world_goal)
     velocity = se3_log(decision.T_current_next) / FRAME_PERIOD_S

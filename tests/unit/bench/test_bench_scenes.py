@@ -20,6 +20,7 @@ from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
 
 PLACING = TaskConstraints(1.2, np.radians(18.0), (0.4, 0.8), 60)
+SMALL = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
 
 
 @pytest.fixture(scope="module")
@@ -104,11 +105,10 @@ def test_no_scene_is_one_that_a_network_was_trained_or_measured_on():
 
 
 def test_a_room_that_is_there_is_kept(tmp_path, monkeypatch):
-    spec = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
     (tmp_path / "living-room-7.glb").write_bytes(builtin_room_path().read_bytes())
     monkeypatch.setattr(scenes, "light_room", lambda *_: pytest.fail("made again"))
     told = []
-    (task,) = make_scenes(tmp_path, (spec,), told.append)
+    (task,) = make_scenes(tmp_path, (SMALL,), told.append)
     assert told == ["small: living-room from seed 7"]
     (read,) = read_tasks(tmp_path / "tasks.json")
     assert read.difficulty == "easy"
@@ -116,16 +116,14 @@ def test_a_room_that_is_there_is_kept(tmp_path, monkeypatch):
     assert task.initial_error == pytest.approx((0.8, np.radians(12.0)))
 
 
-def test_traced_light_changes_the_scene_and_not_the_task(tmp_path, monkeypatch):
-    spec = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
-    room = load_glb(builtin_room_path())
+def test_traced_light_changes_the_scene_and_not_the_task(tmp_path, monkeypatch, room):
     (tmp_path / "living-room-7.glb").write_bytes(builtin_room_path().read_bytes())
     monkeypatch.setattr(
-        scenes, "bake_room", lambda _room, settings, _told: asked.append(settings) or room
+        scenes, "bake_room", lambda _room, settings, _told: asked.append(settings) or room.scene
     )
     asked = []
-    (quick,) = make_scenes(tmp_path, (spec,), lambda _: None)
-    (traced,) = make_scenes(tmp_path, (spec,), lambda _: None, BakeSettings(samples=32))
+    (quick,) = make_scenes(tmp_path, (SMALL,), lambda _: None)
+    (traced,) = make_scenes(tmp_path, (SMALL,), lambda _: None, BakeSettings(samples=32))
     assert [settings.samples for settings in asked] == [32]
     assert traced.scene.name == "living-room-7-traced-32.glb"
     assert traced.scene.is_file()

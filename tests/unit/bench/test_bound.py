@@ -43,10 +43,8 @@ def test_no_setpoints_within_the_limits_beat_the_bound(rng):
     dt_s = 0.002
     for _ in range(5):
         displacement = rng.uniform(-1.5, 1.5, 3)
-        distance_m, along = (
-            np.linalg.norm(displacement),
-            displacement / np.linalg.norm(displacement),
-        )
+        distance_m = np.linalg.norm(displacement)
+        along = displacement / distance_m
         bound = straight_line_bound(displacement, 0.0, LIMITS)
         velocity, flown_m, t_s = BodyVelocity(), 0.0, 0.0
         while flown_m < distance_m - 1e-3:

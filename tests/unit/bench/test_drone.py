@@ -1,5 +1,6 @@
 import os
 from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ from dfvs_bench.drone.records import (
     write_record,
 )
 from dfvs_bench.drone.tables import flight_line, row, summarise, summary_line
-from dfvs_bench.report.drone_section import drone_section
-from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.report.report import drone_section
+from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.gate.limits import VelocityLimits
@@ -36,37 +37,34 @@ LIMITS = VelocityLimits()
 SETTING = Setting("classical", (), LIMITS, 0, 60.0, 40.0, "abc")
 
 
-def record(**changes) -> FlightRecord:
-    values = {
-        "task": "room",
-        "difficulty": "easy",
-        "matcher": "classical",
-        "service": (),
-        "seed": 0,
-        "start": tuple(START.ravel()),
-        "goal": tuple(GOAL.ravel()),
-        "size": (96, 72),
-        "overlap": 0.5,
-        "limits": LIMITS,
-        "bound": TimeBound(4.0, 2.0),
-        "initial_translation_m": 1.1,
-        "initial_rotation_deg": 29.0,
-        "end_state": "DONE",
-        "end_cause": "goal reached",
-        "converged": True,
-        "final_translation_m": 0.01,
-        "final_rotation_deg": 0.2,
-        "servo_s": 1.0,
-        "within_s": 9.0,
-        "done_s": 12.0,
-        "path_ratio": 1.1,
-        "version": "0.1.0",
-        "revision": "abc",
-    }
-    return FlightRecord(**(values | changes))
-
-
-LOST = record(
+FLOWN = FlightRecord(
+    task="room",
+    difficulty="easy",
+    matcher="classical",
+    service=(),
+    seed=0,
+    start=tuple(START.ravel()),
+    goal=tuple(GOAL.ravel()),
+    size=(96, 72),
+    overlap=0.5,
+    limits=LIMITS,
+    bound=TimeBound(4.0, 2.0),
+    initial_translation_m=1.1,
+    initial_rotation_deg=29.0,
+    end_state="DONE",
+    end_cause="goal reached",
+    converged=True,
+    final_translation_m=0.01,
+    final_rotation_deg=0.2,
+    servo_s=1.0,
+    within_s=9.0,
+    done_s=12.0,
+    path_ratio=1.1,
+    version="0.1.0",
+    revision="abc",
+)
+LOST = replace(
+    FLOWN,
     task="hall",
     end_state="NOT READY",
     end_cause="the goal is not in view",
@@ -128,16 +126,15 @@ def test_settings_that_the_service_refuses_are_refused():
 
 
 def test_ratios_are_over_the_slower_of_way_and_turn():
-    flown = record()
-    assert (flown.within_ratio, flown.motion_ratio, flown.done_ratio) == (2.25, 2.0, 3.0)
-    assert record(converged=False).within_ratio is None
+    assert (FLOWN.within_ratio, FLOWN.motion_ratio, FLOWN.done_ratio) == (2.25, 2.0, 3.0)
+    assert replace(FLOWN, converged=False).within_ratio is None
     assert LOST.done_ratio is None
 
 
 def test_a_record_comes_back_from_disk(tmp_path):
-    for one in (record(), LOST):
+    for one in (FLOWN, LOST):
         write_record(tmp_path, one)
-    assert read_records(tmp_path) == [LOST, record()]
+    assert read_records(tmp_path) == [LOST, FLOWN]
     record_path(tmp_path, "room").write_text("{}")
     with pytest.raises(ConfigError, match=r"room\.json"):
         read_records(tmp_path)
@@ -192,17 +189,11 @@ def task_on_disk(folder):
 
 def fresh_record(task, setting=SETTING, **changes):
     inputs = input_digest(task, setting.matcher, setting.config)
-    return record(version=record_version(), timeout_s=60.0, inputs=inputs, **changes)
-
-
-def record_version():
-    from importlib.metadata import version
-
-    return version("dfvs")
+    return replace(FLOWN, version=version("dfvs"), timeout_s=60.0, inputs=inputs, **changes)
 
 
 def test_the_summary_is_honest_about_what_was_not_flown():
-    summary = summarise([record(), LOST])
+    summary = summarise([FLOWN, LOST])
     assert (summary["scenes"], summary["converged"]) == (2, 1)
     assert summary["mean_within_ratio"] == summary["worst_within_ratio"] == 2.25
     assert summary["per_scene"]["hall"]["end_cause"] == "the goal is not in view"
@@ -212,7 +203,7 @@ def test_the_summary_is_honest_about_what_was_not_flown():
 
 
 def test_the_report_has_a_row_for_every_flight():
-    text = drone_section([record(), LOST])
+    text = drone_section([FLOWN, LOST])
     assert "0.5 m/s over ground, 0.3 m/s" in text
     assert "State estimate of the vehicle: perfect; wind:\ncalm." in text
     assert "<td>9.0 s<td>2.25<td>12.0 s<td>3.00<td>0.010 m<td>0.20°" in text
@@ -220,8 +211,8 @@ def test_the_report_has_a_row_for_every_flight():
 
 
 def test_a_row_is_flat_and_names_version_seed_and_revision():
-    values = row(record())
+    values = row(FLOWN)
     assert all(not isinstance(value, dict | list | tuple) for value in values.values())
     assert {"version", "revision", "seed", "bound_s", "within_ratio"} <= set(values)
     assert set(row(LOST)) == set(values)
-    assert asdict(record())["bound"] == {"way_s": 4.0, "turn_s": 2.0}
+    assert asdict(FLOWN)["bound"] == {"way_s": 4.0, "turn_s": 2.0}

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from dfvs_bench.basin.interval import Share
+from dfvs_bench.basin.ratios import Share
 
 
 @pytest.mark.parametrize(

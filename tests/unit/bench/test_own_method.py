@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, texture, turned
 
-from dfvs_bench.methods.method import NO_NETWORKS, GoalObservation, Observation
+from dfvs_bench.methods.method import GoalObservation, Networks, Observation
 from dfvs_bench.methods.registry import METHODS
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
@@ -26,7 +26,7 @@ def test_the_method_of_the_page_knows_its_error_and_the_goal(monkeypatch, rng):
     depth = DepthMap(2.0 * ones, ones)
     camera = CameraModel.from_horizontal_fov(WIDTH, HEIGHT, 1.57)
     goal = GoalObservation(camera, wall.picture(), depth)
-    method = METHODS[NAME].make(goal, load_matcher("classical"), NO_NETWORKS)
+    method = METHODS[NAME].make(goal, load_matcher("classical"), Networks())
     shifted = wall.picture(turned(shift=(-6.0, 0.0)))
     decision = method.decide(Observation(0, shifted, depth, np.eye(4)))
     assert decision.error == pytest.approx(6.0, abs=0.5)

@@ -11,7 +11,7 @@ from dfvs_bench.methods.panorama import OUTER_RING_RAD, ring
 from dfvs_bench.methods.scan_search import ScanSearchMethod
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
+from dfvs_core.geometry.poses import make_pose, se3_log
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 
@@ -48,10 +48,10 @@ class World:
             sure[:, : CAMERA.width - shift] = 1.0
         return FlowField(np.full((*SHAPE, 2), (shift or 0, 0), np.float32), sure)
 
-    def fly(self, most=200):
+    def fly(self):
         """Decisions until the method ends."""
         made = []
-        for k in range(most):
+        for k in range(200):
             decision = self.method.decide(Observation(k, IMAGE, DEPTH, self.T))
             made.append(decision)
             if decision.done or decision.lost:
@@ -108,10 +108,7 @@ def test_every_motion_keeps_the_free_camera_s_limits():
     world = World({6: 0}, [["go"] * 30 + ["lost"], ["done"]])
     twists = np.array([se3_log(decision.T_current_next) for decision in world.fly()])
     assert np.linalg.norm(twists[:, :3], axis=1).max() <= MAX_SPEED_M_S * FRAME_PERIOD_S + 1e-9
-    turns = [np.linalg.norm(so3_log(d.T_current_next[:3, :3])) for d in world.fly(0)]
-    assert max([*turns, *np.linalg.norm(twists[:, 3:], axis=1)]) <= (
-        MAX_TURN_RAD_S * FRAME_PERIOD_S + 1e-9
-    )
+    assert np.linalg.norm(twists[:, 3:], axis=1).max() <= MAX_TURN_RAD_S * FRAME_PERIOD_S + 1e-9
 
 
 def test_a_wrong_place_is_left_for_another_one():
