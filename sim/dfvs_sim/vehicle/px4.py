@@ -19,7 +19,6 @@ from dfvs_sim.vehicle.failsafe import (
     mode_refusal,
     should_disarm,
 )
-from dfvs_sim.vehicle.messages import parameter_protocol
 from dfvs_sim.vehicle.messages.streams import RATES_HZ, LinkState, Schedule
 from dfvs_sim.vehicle.messages.telemetry import Message, Telemetry
 from dfvs_sim.vehicle.modes import Mode
@@ -71,7 +70,7 @@ class Px4:
             "SET_MODE": self._commands.on_set_mode,
             "COMMAND_LONG": self._commands.on_command,
             "COMMAND_INT": self._commands.on_command,
-            "PARAM_REQUEST_READ": self._on_param_read,
+            "PARAM_REQUEST_READ": lambda m, link, now_ns: self.parameters.read(m),
             "PARAM_REQUEST_LIST": self._on_param_list,
             "PARAM_SET": self._on_param_set,
             "PING": self._on_ping,
@@ -129,17 +128,13 @@ class Px4:
         self.flight.navigator.sticks = sticks
         return []
 
-    def _on_param_read(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        return parameter_protocol.read(self.parameters, m)
-
     def _on_param_list(self, m: Message, link: str, now_ns: int) -> list[Message]:
         for i, name in enumerate(self.parameters.names):
-            message = parameter_protocol.value_message(self.parameters, name)
-            self.send_later(now_ns + i * STEP_NS, link, message)
+            self.send_later(now_ns + i * STEP_NS, link, self.parameters.value_message(name))
         return []
 
     def _on_param_set(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        answers = parameter_protocol.write(self.parameters, m)
+        answers = self.parameters.write(m)
         if answers:
             value = self.parameters[m.param_id]
             self.record(now_ns, "parameter", m, link, name=m.param_id, value=value)
