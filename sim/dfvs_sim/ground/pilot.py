@@ -83,9 +83,9 @@ class Pilot:
         self.wait_until_armable()
         changed = []
         for name, value in ADVISED_PARAMETERS.items():
-            old = self.get_parameter(name)
+            old = get_parameter(self._link, name)
             if old != value:
-                self.set_parameter(name, value)
+                set_parameter(self._link, name, value)
                 changed.append(f"{name} from {old:g} to {value:g}")
         if changed:
             self._log(f"the pilot changes {' and '.join(changed)}")
@@ -224,13 +224,13 @@ class Pilot:
 
     def mode(self) -> Mode | None:
         """Mode in the last heartbeat."""
-        received = self._link.latest("HEARTBEAT")
-        return None if received is None else _mode(received.message)
+        heartbeat = self._link.latest("HEARTBEAT")
+        return None if heartbeat is None else _mode(heartbeat)
 
     def armed(self) -> bool:
         """Whether the last heartbeat shows the vehicle armed."""
-        received = self._link.latest("HEARTBEAT")
-        return received is not None and bool(received.message.base_mode & _ARMED)
+        heartbeat = self._link.latest("HEARTBEAT")
+        return heartbeat is not None and bool(heartbeat.base_mode & _ARMED)
 
     def is_flying(self) -> bool:
         """Whether the vehicle is in the air; whether it is armed, where it does not tell."""
@@ -238,14 +238,6 @@ class Pilot:
         if state is None or state.landed_state == mavlink.MAV_LANDED_STATE_UNDEFINED:
             return self.armed()
         return bool(state.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND)
-
-    def get_parameter(self, name: str) -> int | float:
-        """Value of one of the vehicle's parameters."""
-        return get_parameter(self._link, name)
-
-    def set_parameter(self, name: str, value: float) -> None:
-        """Write one of the vehicle's parameters and check it."""
-        set_parameter(self._link, name, value)
 
     def _command(self, what: str, command: int, *params: float, remedy: str = "") -> None:
         since_ns = time.monotonic_ns()

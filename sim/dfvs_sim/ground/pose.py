@@ -76,8 +76,8 @@ class VehiclePose:
 class PoseTracker:
     """Follows the vehicle's telemetry and tells its pose at a time.
 
-    The pose is the true one (``is_truth``) where the vehicle sends HIL_STATE_QUATERNION, else that
-    of the estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
+    The pose is the true one where the vehicle sends HIL_STATE_QUATERNION, else that of the
+    estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
 
     Parameters
     ----------
@@ -95,12 +95,7 @@ class PoseTracker:
         self._truth: TruthFilter | None = None
         self._places: deque[PositionSample] = deque(maxlen=_KEPT)
         self._turns: deque[AttitudeSample] = deque(maxlen=_KEPT)
-        self._end = link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.on_message)
-
-    @property
-    def is_truth(self) -> bool:
-        """Whether the poses are the vehicle's true ones."""
-        return self._truth is not None
+        link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.on_message)
 
     def start(self, timeout_s: float = 10.0) -> None:
         """Ask for the streams and wait for the first pose.
@@ -131,10 +126,6 @@ class PoseTracker:
             self._requested_ns = self._stamped_ns or 0
             self._places.clear()
             self._turns.clear()
-
-    def close(self) -> None:
-        """Stop following."""
-        self._end()
 
     def on_message(self, message: Message, arrival_ns: int) -> None:
         """Take one message of the three types."""

@@ -8,6 +8,7 @@ from vehicle_process import free_port, vehicle_running
 
 from dfvs_sim.cli import main
 from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.parameters import get_parameter
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.vehicle.modes import Mode
@@ -22,7 +23,7 @@ def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
     ):
         pilot = Pilot(link)
         pilot.prepare()
-        assert pilot.get_parameter("COM_OBL_RC_ACT") == 5
+        assert get_parameter(link, "COM_OBL_RC_ACT") == 5
         pilot.take_off(0.5)
         assert pilot.mode() is Mode.HOLD
         height_m = -vehicle.events("pose")[-1]["position"][2]
@@ -52,7 +53,7 @@ def test_an_unknown_parameter_is_an_error(tmp_path: Path) -> None:
     ):
         link.wait_for_vehicle(30.0)
         with pytest.raises(LinkError, match="NO_SUCH_THING"):
-            Pilot(link).get_parameter("NO_SUCH_THING")
+            get_parameter(link, "NO_SUCH_THING")
 
 
 @pytest.mark.parametrize("start", ["1,2,3", "a,b,c,d", "0,0,0,nan"])

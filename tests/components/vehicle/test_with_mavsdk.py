@@ -159,7 +159,6 @@ def test_the_tracked_pose_is_the_true_pose_while_moving(hovering: Hovering) -> N
         for _ in range(60):
             time.sleep(0.02)
             tracked.append(tracker.pose_at(time.monotonic_ns() - 40_000_000))
-    tracker.close()
     direct.destroy()
     truth = {e["t_ns"]: e for e in hovering.vehicle.events("pose")}
     stamps = sorted(truth)

@@ -30,7 +30,7 @@ class ClimbingVehicle:
         return 0
 
     def latest(self, name: str) -> Any:
-        return Message(message=self.wait_for(name, 0.0))
+        return self.wait_for(name, 0.0)
 
     def wait_for(
         self,

@@ -117,7 +117,6 @@ def test_the_poses_are_the_true_ones_whatever_the_estimate() -> None:
     vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
     vehicle.take_off()
     tracker, link = tracked(vehicle)
-    assert tracker.is_truth
     wrong_m = errors(tracker, link, 10.0)
     # the message's intervals are 11, 8 and 1 mm wide; the way of a few ms comes on top
     assert np.abs(wrong_m).max() < 0.015
@@ -164,7 +163,6 @@ def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
     if not sent:
         del vehicle.px4.telemetry.builders[TRUTH]
     tracker, link = tracked(vehicle, lost=[TRUTH])
-    assert not tracker.is_truth
     link.run(2.0)
     e, pose = vehicle.px4.flight.estimate, newest(tracker)
     # a sample is up to 20 ms old, and moves at up to 0.5 m/s
