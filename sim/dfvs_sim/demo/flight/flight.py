@@ -14,24 +14,27 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
-from dfvs_sim.demo.flight.camera_poses import FlightError, anchored_poses
 from dfvs_sim.demo.flight.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
 from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.flight.processes import FlightProcesses
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track, TrackPoint
-from dfvs_sim.demo.floor import TakeOff
 from dfvs_sim.demo.options import USUAL_GROUND_URL, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0
 
 Log = Callable[[str], None]
+
+
+class FlightError(DfvsError):
+    """The flight could not be brought up."""
 
 
 class NotReadyError(FlightError):
@@ -152,8 +155,10 @@ class Flight:
         pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
-        take_off = self._take_off()
-        to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
+        take_off = self._plan.take_off()
+        if take_off.remark:
+            self._log(take_off.remark)
+        to_scene = self._camera_poses(tracker, take_off.height_m)
         track = Track(to_scene, self._plan.T_scene_goal)
         session = stack.enter_context(open_session("peer", (self._ports.zenoh_endpoint,)))
         camera = MockCamera(
@@ -195,12 +200,13 @@ class Flight:
             pilot.land()
         pilot.prepare()
 
-    def _take_off(self) -> TakeOff:
-        """How far to climb, by the scene's floor."""
-        take_off = self._plan.take_off()
-        if take_off.remark:
-            self._log(take_off.remark)
-        return take_off
+    def _camera_poses(self, tracker: PoseTracker, height_m: float) -> CameraPoses:
+        """Poses in a scene in which the vehicle, now on the ground, climbs to the plan's start."""
+        pose = tracker.pose_at(time.monotonic_ns())
+        if pose is None:
+            raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
+        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), height_m)
+        return tracker.camera_poses(T_scene_local, self._plan.mount.T_body_camera())
 
     def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""
