@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tiny_scenes import scene_of, wall
 
-from dfvs_sim.demo.floor import floor_below, take_off_from_floor
+from dfvs_sim.demo.plan import floor_below, take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
