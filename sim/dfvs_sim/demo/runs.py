@@ -15,8 +15,7 @@ from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.report import FlightReport, ReportError
-from dfvs_sim.demo.results.summary import FlightSummary, write_results
-from dfvs_sim.demo.results.table import flight_table
+from dfvs_sim.demo.results.summary import FlightSummary, flight_table, write_results
 from dfvs_sim.options import camera_from, parse_camera_pose, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
