@@ -14,7 +14,7 @@ from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4
 
 START_NS = 1_000_000_000
-BODY_VELOCITY, NED_VELOCITY_YAW = 0x5C7, 0x9C7
+BODY_VELOCITY = 0x5C7
 ARM, SET_MODE, TAKEOFF, LAND = 400, 176, 22, 21
 LATER = 20_000_000
 

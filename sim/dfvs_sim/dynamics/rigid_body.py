@@ -2,7 +2,7 @@
 
 Plain floats throughout: the model runs 250 times a second beside everything else. World frame
 NED (m, m/s, m/s²), body FRD, aerospace angles in rad. The parameters were fitted to step responses
-recorded with PX4 v1.17's own quadrotor model; ``tests/unit/test_dynamics.py`` holds the table.
+recorded with PX4 v1.17's own quadrotor model; ``tests/unit/vehicle/test_dynamics.py`` has them.
 """
 
 import math

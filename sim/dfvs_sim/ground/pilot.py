@@ -128,11 +128,6 @@ class Pilot:
         if not self.armed() and self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
             self.set_mode(Mode.HOLD)
 
-    def disarm(self) -> None:
-        """Disarm on the ground."""
-        self._command("disarming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
-        self._confirm("disarming", lambda m: not m.base_mode & _ARMED)
-
     def take_off(self, height_m: float) -> None:
         """Arm if need be, climb so far from here, and wait until at rest there.
 

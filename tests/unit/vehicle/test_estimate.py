@@ -20,13 +20,6 @@ MOTION = (
 )
 
 
-def correlation(process: FirstOrder | SecondOrder, lag_s: float) -> tuple[float, float]:
-    """Deviation and autocorrelation at a lag, over 4000 s."""
-    x = np.array([process.step(DT_S) for _ in range(1_000_000)])
-    k = round(lag_s / DT_S)
-    return float(x.std()), float(np.mean(x[:-k] * x[k:]) / np.mean(x * x))
-
-
 def motion(thing: Any) -> list[float]:
     return [getattr(thing, name) for name in MOTION]
 
@@ -37,19 +30,19 @@ def airborne() -> Quadrotor:
     return vehicle
 
 
-def test_a_second_order_process_is_smooth_and_has_its_size_and_time() -> None:
-    process = SecondOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
-    sd, share = correlation(process, 1.5)
+@pytest.mark.parametrize(
+    ("kind", "share", "tolerance"),
+    [(FirstOrder, 1.0 / math.e, 0.07), (SecondOrder, 2.0 / math.e, 0.05)],
+)
+def test_a_process_has_its_size_and_its_autocorrelation_after_its_time(
+    kind: type[FirstOrder | SecondOrder], share: float, tolerance: float
+) -> None:
+    process = kind(0.2, 1.5, normal_source(np.random.default_rng(0)))
+    x = np.array([process.step(DT_S) for _ in range(1_000_000)])
+    k = round(1.5 / DT_S)
     # 4000 s are some 900 independent values: 3 sigma are 7 % of the deviation
-    assert sd == pytest.approx(0.2, rel=0.07)
-    assert share == pytest.approx(2.0 / math.e, abs=0.05)
-
-
-def test_a_first_order_process_has_its_size_and_time() -> None:
-    process = FirstOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
-    sd, share = correlation(process, 1.5)
-    assert sd == pytest.approx(0.2, rel=0.07)
-    assert share == pytest.approx(1.0 / math.e, abs=0.07)
+    assert x.std() == pytest.approx(0.2, rel=0.07)
+    assert np.mean(x[:-k] * x[k:]) / np.mean(x * x) == pytest.approx(share, abs=tolerance)
 
 
 def test_a_perfect_estimate_is_the_truth_to_the_last_bit() -> None:

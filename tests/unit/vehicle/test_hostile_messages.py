@@ -1,6 +1,7 @@
 """Whatever arrives, the vehicle neither falls over nor sends numbers that are no numbers."""
 
 import math
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -91,10 +92,12 @@ def test_after_extreme_setpoints_it_still_flies() -> None:
 
 
 def test_damaged_bytes_on_the_socket_are_skipped(rng: np.random.Generator) -> None:
-    link, peer = UdpLink("one", UdpPorts(0, 9)), UdpLink("two", UdpPorts(0, 9))
     packed = setpoint(vx=0.5).pack(mavlink.MAVLink(None, 1, 195))
-    address = ("127.0.0.1", link.port)
-    try:
+    with (
+        closing(UdpLink("one", UdpPorts(0, 9))) as link,
+        closing(UdpLink("two", UdpPorts(0, 9))) as peer,
+    ):
+        address = ("127.0.0.1", link.port)
         for _ in range(200):
             noise = bytes(rng.integers(0, 256, int(rng.integers(1, 60)), dtype=np.uint8))
             cut = packed[: int(rng.integers(1, len(packed)))]
@@ -104,7 +107,4 @@ def test_damaged_bytes_on_the_socket_are_skipped(rng: np.random.Generator) -> No
         for _ in range(20):  # a damaged length byte may swallow the packets after it
             peer.socket.sendto(packed, address)
         kinds = [m.get_type() for m in link.receive()]
-    finally:
-        link.close()
-        peer.close()
     assert "SET_POSITION_TARGET_LOCAL_NED" in kinds

@@ -93,31 +93,26 @@ def test_loss_is_met_by_return_to_launch_after_1_1_s_by_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("action", "mode"),
+    ("action", "message", "mode"),
     [
-        (0, Mode.RETURN),
-        (1, Mode.RETURN),
-        (2, Mode.RETURN),
-        (3, Mode.RETURN),
-        (4, Mode.LAND),
-        (5, Mode.HOLD),
-        (6, Mode.TERMINATION),
+        (0, sticks(), Mode.POSITION),
+        (1, sticks(), Mode.ALTITUDE),
+        (2, sticks(), Mode.STABILIZED),
+        (0, None, Mode.RETURN),
+        (1, None, Mode.RETURN),
+        (2, None, Mode.RETURN),
+        (3, None, Mode.RETURN),
+        (4, None, Mode.LAND),
+        (5, None, Mode.HOLD),
+        (6, None, Mode.TERMINATION),
     ],
 )
-def test_each_loss_action_without_a_radio(action: int, mode: Mode) -> None:
+def test_each_loss_action_with_sticks_where_it_needs_them_and_without(
+    action: int, message: Any, mode: Mode
+) -> None:
     vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
     vehicle.fly_offboard(setpoint(), 1.0)
-    vehicle.run(1.3)
-    assert vehicle.mode is mode
-
-
-@pytest.mark.parametrize(
-    ("action", "mode"), [(0, Mode.POSITION), (1, Mode.ALTITUDE), (2, Mode.STABILIZED)]
-)
-def test_loss_actions_by_stick_need_sticks(action: int, mode: Mode) -> None:
-    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
-    vehicle.fly_offboard(setpoint(), 1.0)
-    vehicle.run(1.3, sticks())
+    vehicle.run(1.3, message)
     assert vehicle.mode is mode
 
 

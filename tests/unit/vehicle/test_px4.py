@@ -152,7 +152,9 @@ def test_a_mode_that_does_not_exist_is_rejected() -> None:
 def test_disarming_in_the_air_is_refused_unless_forced() -> None:
     vehicle = VehicleInHand()
     vehicle.take_off()
+    vehicle.hear_ground_station()
     assert vehicle.command(ARM, 0.0) == [1]
+    assert vehicle.received("STATUSTEXT", GROUND)[-1].text == "Disarming denied: not landed"
     assert vehicle.px4.status.armed
     assert vehicle.command(ARM, 0.0, 21196.0) == [0]
     assert not vehicle.px4.status.armed
