@@ -9,7 +9,7 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from, refuse_conditions
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.fleet import MOST_VEHICLES
 from dfvs_sim.demo.flight.camera_link import CAMERAS
 from dfvs_sim.demo.flight.engagement import engagement_of
@@ -120,8 +120,9 @@ def _check(args: argparse.Namespace) -> None:
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
     require_folder("--json", args.json)
-    if args.autopilot is not None:
-        refuse_conditions(args, "--autopilot")
+    for name in ("estimate", "wind"):
+        if args.autopilot is not None and getattr(args, name) is not None:
+            raise ConfigError(f"--{name} beside --autopilot", "only one of them")
     conditions_from(args)
     engagement_of(args.service.split())
 

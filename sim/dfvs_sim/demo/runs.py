@@ -10,7 +10,7 @@ from dfvs_sim.demo.conditions import Conditions, conditions_from
 from dfvs_sim.demo.fleet import Member, fly_together
 from dfvs_sim.demo.flight.flight import Flight
 from dfvs_sim.demo.flight.track import Track
-from dfvs_sim.demo.image_size import AUTO, SIZES, as_text, measured_size
+from dfvs_sim.demo.image_size import AUTO, SIZES, measured_size
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
@@ -53,7 +53,7 @@ def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
     """Fly one seed after the other."""
     is_size_open = args.size == AUTO
     if is_size_open:
-        args.size = as_text(SIZES[0][0])
+        args.size = SIZES[0][0]
     camera = camera_from(args)
     if args.route:
         _take_route(args)

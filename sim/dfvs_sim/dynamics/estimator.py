@@ -32,7 +32,7 @@ class Estimator:
     """
 
     def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
-        self._process = None if errors.none else ErrorProcess(errors, rng)
+        self._process = None if errors == EstimateErrors() else ErrorProcess(errors, rng)
         self._position = [0.0, 0.0, 0.0]
         self._yaw = 0.0
         self.estimate = Estimate()

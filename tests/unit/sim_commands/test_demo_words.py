@@ -32,6 +32,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
         (("--estimate", "exact"), "--estimate is 'exact'"),
         (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
+        (("--wind", "calm", "--autopilot", "udpin://127.0.0.1:1"), "--wind beside --autopilot"),
         (("--service", "--engage never"), "engage never"),
         (("--route", "--goal", "0,0,-1,0"), "--route beside"),
         (("--route", "--start", "0,0,-1,0"), "--route beside"),
