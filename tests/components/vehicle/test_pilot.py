@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from vehicle_process import free_port, vehicle_running
+from vehicle_process import free_port, linked_vehicle
 
 from dfvs_sim.cli import main
 from dfvs_sim.ground.link import GroundLink
@@ -17,9 +17,9 @@ pytestmark = pytest.mark.real_time
 
 
 def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
-    with (
-        vehicle_running(tmp_path, "--ready-after", "0.5", "--estimate", "medium") as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+    with linked_vehicle(tmp_path, "--ready-after", "0.5", "--estimate", "medium") as (
+        vehicle,
+        link,
     ):
         pilot = Pilot(link)
         pilot.prepare()
@@ -45,10 +45,7 @@ def test_without_a_vehicle_the_pilot_says_so() -> None:
 
 
 def test_an_unknown_parameter_is_an_error(tmp_path: Path) -> None:
-    with (
-        vehicle_running(tmp_path) as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
-    ):
+    with linked_vehicle(tmp_path) as (_, link):
         link.wait_for_vehicle(30.0)
         with pytest.raises(LinkError, match="NO_SUCH_THING"):
             get_parameter(link, "NO_SUCH_THING")
