@@ -7,7 +7,6 @@ or telemetry, because PX4's first acknowledgement proves nothing.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -23,6 +22,7 @@ LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
 
 _PREARM = 0x10000000
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_VEHICLE_S, _ARMABLE_S, _TAKE_OFF_S, _LANDING_S = 15.0, 60.0, 60.0, 120.0
 _HEARTBEAT_S = 2.5
 _TEXT_S = 0.1
 _LANDED_STATE_S = 2.5
@@ -43,40 +43,28 @@ class PilotError(DfvsError):
     """The vehicle did not do what the pilot asked."""
 
 
-@dataclass(frozen=True, slots=True)
-class Timeouts:
-    """How long the pilot waits, in s.
-
-    After ``hover`` the pilot also goes on with a vehicle that only seems to move a little.
-    """
-
-    vehicle: float = 15.0
-    armable: float = 60.0
-    takeoff: float = 60.0
-    hover: float = 20.0
-    landing: float = 120.0
-
-
 class Pilot:
     """Flies the vehicle over the ground-station link, which it shares and does not own.
 
     Parameters
     ----------
     link : GroundLink
-    timeouts : Timeouts
     log : callable
         Takes one line about what the pilot did and nobody asked for.
+    hover_s : float
+        How long to wait for rest. Then the pilot also goes on with a vehicle that only seems to
+        move a little.
     """
 
     def __init__(
         self,
         link: GroundLink,
-        timeouts: Timeouts | None = None,
         log: Callable[[str], None] = lambda _: None,
+        hover_s: float = 20.0,
     ) -> None:
         self._link = link
-        self._timeouts = timeouts or Timeouts()
         self._log = log
+        self._hover_s = hover_s
 
     def prepare(self) -> None:
         """Wait until the vehicle can be armed, and set the advised parameters."""
@@ -98,16 +86,16 @@ class Pilot:
         PilotError
             If they do not pass in time.
         """
-        self._link.wait_for_vehicle(self._timeouts.vehicle)
+        self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
         ready = self._link.wait_for(
             "SYS_STATUS",
-            self._timeouts.armable,
+            _ARMABLE_S,
             lambda m: bool(m.onboard_control_sensors_health & _PREARM),
         )
         if ready is None:
             raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
-        if self._link.wait_for("HOME_POSITION", self._timeouts.armable) is None:
+        if self._link.wait_for("HOME_POSITION", _ARMABLE_S) is None:
             raise self._refused("the vehicle has no home position")
 
     def arm(self) -> None:
@@ -140,10 +128,10 @@ class Pilot:
         """
         if not self.armed():
             self.arm()
-        home = self._link.wait_for("HOME_POSITION", self._timeouts.vehicle)
+        home = self._link.wait_for("HOME_POSITION", _VEHICLE_S)
         if home is None:
             raise self._refused("the vehicle has no home position")
-        place = self._link.wait_for("LOCAL_POSITION_NED", self._timeouts.vehicle)
+        place = self._link.wait_for("LOCAL_POSITION_NED", _VEHICLE_S)
         if place is None:
             raise self._refused("the vehicle does not tell its position")
         nan = math.nan
@@ -152,16 +140,15 @@ class Pilot:
         params = (nan, nan, nan, nan, nan, nan, altitude_m)
         self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *params)
         top = place.z - 0.8 * height_m
-        timeout_s = self._timeouts.takeoff
-        if self._link.wait_for("LOCAL_POSITION_NED", timeout_s, lambda m: m.z < top) is None:
+        if self._link.wait_for("LOCAL_POSITION_NED", _TAKE_OFF_S, lambda m: m.z < top) is None:
             raise self._refused(f"the vehicle did not climb to {height_m:g} m")
-        self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, self._timeouts.takeoff)
+        self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, _TAKE_OFF_S)
         self.wait_until_hovering(down_m)
 
     def wait_until_hovering(self, down_m: float | None = None) -> None:
         """Wait until the vehicle is at rest, at a local z where one is given.
 
-        A vehicle whose estimate shows slow motion for the whole of ``Timeouts.hover`` passes too.
+        A vehicle whose estimate shows slow motion for the whole of ``hover_s`` passes too.
 
         Raises
         ------
@@ -169,7 +156,7 @@ class Pilot:
             If it moves faster, or is at another height.
         """
         rest = RestDetector(down_m)
-        deadline = time.monotonic() + self._timeouts.hover
+        deadline = time.monotonic() + self._hover_s
         since_ns = time.monotonic_ns()
         while time.monotonic() < deadline and not rest.is_at_rest:
             m = self._link.wait_for("LOCAL_POSITION_NED", 1.0, since_ns=since_ns)
@@ -182,7 +169,7 @@ class Pilot:
             raise self._refused("the vehicle does not come to rest")
         self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
-            f"of {WINDOW_S:g} s); the pilot goes on after {self._timeouts.hover:g} s"
+            f"of {WINDOW_S:g} s); the pilot goes on after {self._hover_s:g} s"
         )
 
     def set_mode(self, mode: Mode) -> None:
@@ -215,7 +202,7 @@ class Pilot:
             If it does not in time.
         """
         self.set_mode(Mode.LAND)
-        self._confirm("landing", lambda m: not m.base_mode & _ARMED, self._timeouts.landing)
+        self._confirm("landing", lambda m: not m.base_mode & _ARMED, _LANDING_S)
 
     def mode(self) -> Mode | None:
         """Mode in the last heartbeat."""

@@ -55,14 +55,10 @@ _STALLED_NS = 25_000_000
 
 @dataclass(frozen=True, slots=True)
 class VehiclePose:
-    """Pose in the vehicle's local frame (NED).
-
-    ``t_ns`` is monotonic time of this machine. Velocity is in NED too.
-    """
+    """Pose in the vehicle's local frame (NED); ``t_ns`` is monotonic time of this machine."""
 
     t_ns: int
     position_m: tuple[float, float, float]
-    velocity_m_s: tuple[float, float, float]
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
@@ -236,7 +232,7 @@ class PoseTracker:
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             if stamp < oldest or stamp > newest + _REACH_NS:
                 return None
-            position, velocity = position_at(self._places, stamp)
+            position = position_at(self._places, stamp)
             q = attitude_at(self._turns, stamp)
         R = rotation_from_quaternion(np.array(q))
-        return VehiclePose(t_ns, position, velocity, *euler_from_rotation(R))
+        return VehiclePose(t_ns, position, *euler_from_rotation(R))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from vehicle_process import linked_vehicle
 
-from dfvs_sim.ground.pilot import Pilot, PilotError, Timeouts
+from dfvs_sim.ground.pilot import Pilot, PilotError
 
 pytestmark = pytest.mark.real_time
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.real_time
 def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path) -> None:
     said: list[str] = []
     with linked_vehicle(tmp_path, "--ready-after", "0.5", "--estimate", "high") as (vehicle, link):
-        pilot = Pilot(link, Timeouts(hover=8.0), said.append)
+        pilot = Pilot(link, said.append, hover_s=8.0)
         pilot.prepare()
         assert not pilot.is_flying()
         pilot.take_off(1.5)
