@@ -49,14 +49,14 @@ def gcs_heartbeat() -> Any:
 class VehicleInHand:
     """Px4 with its sent messages and its record."""
 
-    def __init__(self, **config: Any) -> None:
+    def __init__(self, *, seed: int = 3, **config: Any) -> None:
         self.now_ns = START_NS
         self.record: list[tuple[int, str, dict[str, Any]]] = []
         self.sent: list[tuple[int, str, Any]] = []
         self.px4 = Px4(
             VehicleConfig(**config),
             self.now_ns,
-            np.random.default_rng(3),
+            np.random.default_rng(seed),
             lambda t_ns, kind, fields: self.record.append((t_ns, kind, fields)),
         )
 

@@ -17,10 +17,8 @@ pytestmark = pytest.mark.real_time
 
 
 def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
-    with linked_vehicle(tmp_path, "--ready-after", "0.5", "--estimate", "medium") as (
-        vehicle,
-        link,
-    ):
+    options = ("--ready-after", "0.5", "--estimate", "medium")
+    with linked_vehicle(tmp_path, *options) as (vehicle, link):
         pilot = Pilot(link)
         pilot.prepare()
         assert get_parameter(link, "COM_OBL_RC_ACT") == 5
