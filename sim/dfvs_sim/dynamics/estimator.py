@@ -6,8 +6,7 @@ import numpy as np
 
 from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateErrors
-from dfvs_sim.dynamics.motion_state import MotionState
-from dfvs_sim.dynamics.rigid_body import Quadrotor
+from dfvs_sim.dynamics.rigid_body import MotionState, Quadrotor
 
 _FIELDS = tuple(field.name for field in fields(MotionState))
 

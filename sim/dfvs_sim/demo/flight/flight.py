@@ -20,9 +20,9 @@ from dfvs_sim.demo.flight.processes import FlightProcesses
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track, TrackPoint
-from dfvs_sim.demo.options import USUAL_GROUND_URL, FlightOptions
+from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
-from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.viewpoints.poses import CameraPoses
@@ -184,7 +184,7 @@ class Flight:
 
     def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
         """Ground-station link to the very vehicle that the service will fly."""
-        usual = USUAL_GROUND_URL
+        usual = DEFAULT_URL
         if self._options.is_simulated:
             stack.enter_context(self._processes.vehicle())
             usual = f"udpin://{LOOPBACK}:{self._ports.ground}"

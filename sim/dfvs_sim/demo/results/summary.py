@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.atomic_file import replace_json
+from dfvs_sim.demo.flight.engagement import READY, UNDER_WAY
 from dfvs_sim.demo.flight.flight import FlightLog
 from dfvs_sim.demo.flight.track import path_length_m, settled_error
 from dfvs_sim.vehicle.record import read_record
 
 CONVERGED_M = 0.05
 CONVERGED_DEG = 1.0
-_ENGAGED_STATES = frozenset({"ENGAGE", "SERVO", "HOLD"})
 
 _COLUMNS = (
     ("start m", "initial_translation_m", 1.0, "7.2f"),
@@ -122,7 +122,7 @@ def _engaged_setpoints_ns(log: FlightLog) -> list[int] | None:
         return None
     end_ns = log.ended_ns
     for t_ns, state in log.watch.states:
-        if t_ns > log.engaged_ns and state not in _ENGAGED_STATES and state != "READY":
+        if t_ns > log.engaged_ns and state not in READY | UNDER_WAY:
             end_ns = t_ns
             break
     return [
