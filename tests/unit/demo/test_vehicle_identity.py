@@ -14,6 +14,11 @@ from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.ground.systems import LinkError
 
 
+@pytest.fixture(autouse=True)
+def quick_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dfvs_sim.ground.systems.HEARTBEATS_S", 0.5)
+
+
 def autopilots(port: int, *systems: int) -> AbstractContextManager[None]:
     """Heartbeats of these systems to a port, ten times a second."""
 
