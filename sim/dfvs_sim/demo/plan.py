@@ -116,7 +116,7 @@ def make_plan(
     return FlightPlan(renderer, camera, Mount(), start, last, seed, tuple(via))
 
 
-def floor_below(renderer: Renderer, point: FloatArray) -> float | None:
+def _floor_below(renderer: Renderer, point: FloatArray) -> float | None:
     """Level (down, m) of the floor below a point (3,) in NED; None where nothing is below it."""
     depth = renderer.depth(_PROBE, make_pose(_DOWNWARDS, point))
     seen = depth[depth > 0]
@@ -138,7 +138,7 @@ def take_off_from_floor(renderer: Renderer, points: Sequence[FloatArray]) -> Tak
     points : sequence of (3,)
         Start and goals of the body, NED, m.
     """
-    floors = [level for p in points if (level := floor_below(renderer, p)) is not None]
+    floors = [level for p in points if (level := _floor_below(renderer, p)) is not None]
     if not floors:
         return TakeOff(
             USUAL_HEIGHT_M,

@@ -134,11 +134,9 @@ class Pilot:
         place = self._link.wait_for("LOCAL_POSITION_NED", _VEHICLE_S)
         if place is None:
             raise self._refused("the vehicle does not tell its position")
-        nan = math.nan
         down_m = place.z - height_m
         altitude_m = home.altitude / 1000.0 + home.z - down_m
-        params = (nan, nan, nan, nan, nan, nan, altitude_m)
-        self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *params)
+        self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, altitude_m)
         top = place.z - 0.8 * height_m
         if self._link.wait_for("LOCAL_POSITION_NED", _TAKE_OFF_S, lambda m: m.z < top) is None:
             raise self._refused(f"the vehicle did not climb to {height_m:g} m")
