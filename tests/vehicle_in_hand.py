@@ -140,3 +140,17 @@ class VehicleInHand:
 
     def types_sent(self, link: str, since_ns: int = 0) -> list[str]:
         return [m.get_type() for t, name, m in self.sent if name == link and t > since_ns]
+
+
+def hovering(height_m: float = 3.0, **config: Any) -> VehicleInHand:
+    """A vehicle in Hold, so high above the ground."""
+    vehicle = VehicleInHand(**config)
+    vehicle.take_off(height_m)
+    return vehicle
+
+
+def in_offboard(message: Any, seconds: float, **config: Any) -> VehicleInHand:
+    """A vehicle in OFFBOARD that has followed a message for so long."""
+    vehicle = VehicleInHand(**config)
+    vehicle.fly_offboard(message, seconds)
+    return vehicle

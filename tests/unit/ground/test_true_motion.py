@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import VehicleInHand, hovering, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
@@ -116,8 +116,7 @@ def errors(
 
 
 def test_the_poses_are_the_true_ones_whatever_the_estimate() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     tracker, link = tracked(vehicle)
     wrong_m = errors(tracker, link, 10.0)
     # the message's intervals are 11, 8 and 1 mm wide; the way of a few ms comes on top
@@ -131,8 +130,7 @@ def test_the_poses_are_the_true_ones_whatever_the_estimate() -> None:
 
 @pytest.mark.parametrize("wind", [WindGrade.CALM, WindGrade.WINDY])
 def test_the_resolution_does_not_make_the_camera_tremble(wind: WindGrade) -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.LOW, wind=wind)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.LOW, wind=wind)
     tracker, link = tracked(vehicle)
     link.run(0.5, setpoint())
     assert link.command(176, 1.0, *Mode.OFFBOARD.value) == 0
@@ -146,8 +144,7 @@ def test_the_resolution_does_not_make_the_camera_tremble(wind: WindGrade) -> Non
 
 
 def test_the_velocity_is_finer_than_the_messages() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.LOW)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.LOW)
     tracker, link = tracked(vehicle)
     wrong = []
     for _ in range(500):
@@ -162,8 +159,7 @@ def test_the_velocity_is_finer_than_the_messages() -> None:
 
 @pytest.mark.parametrize("sent", [True, False])
 def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     if not sent:
         del vehicle.px4.telemetry.builders[TRUTH]
     tracker, link = tracked(vehicle, lost=[TRUTH])
@@ -174,8 +170,7 @@ def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
 
 
 def test_without_an_origin_the_estimated_position_places_the_truth() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     tracker, link = tracked(vehicle, lost=["GPS_GLOBAL_ORIGIN"])
     link.run(2.0)
     assert newest(tracker).position_m == pytest.approx(true_position(vehicle), abs=0.015)
@@ -187,8 +182,7 @@ def test_a_vehicle_without_a_pose_is_reported() -> None:
 
 
 def test_the_truth_is_asked_for_again_where_it_ends() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     tracker, link = tracked(vehicle)
     link.run(0.5)
     vehicle.px4.links[GROUND].schedule.set_interval(TRUTH, -1.0, vehicle.now_ns)  # a new start

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import VehicleInHand, hovering, in_offboard, setpoint
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
@@ -46,8 +46,7 @@ def test_a_process_has_its_size_and_its_autocorrelation_after_its_time(
 
 
 def test_a_perfect_estimate_is_the_truth_to_the_last_bit() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.PERFECT)
-    vehicle.fly_offboard(setpoint(0.5, 0.2, 0.0, 0.3), 3.0)
+    vehicle = in_offboard(setpoint(0.5, 0.2, 0.0, 0.3), 3.0, estimate=EstimateGrade.PERFECT)
     assert motion(vehicle.px4.flight.estimate) == motion(vehicle.body)
 
 
@@ -73,8 +72,7 @@ def test_the_accuracy_that_is_claimed_does_not_tell_the_grade() -> None:
 
 
 def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     speeds = []
     for _ in range(300):
         vehicle.run(0.1)
@@ -84,8 +82,7 @@ def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
 
 
 def test_a_body_velocity_goes_where_the_estimated_heading_points() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.px4.flight.estimator.reset_heading(0.3)
     vehicle.run(8.0)  # Hold turns the vehicle until the estimated heading is the old one
     assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import hovering, in_offboard, setpoint
 
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts
@@ -62,8 +62,7 @@ def hostile_message(rng: np.random.Generator) -> Any:
 
 
 def test_a_storm_of_hostile_messages_is_survived(rng: np.random.Generator) -> None:
-    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
-    vehicle.take_off()
+    vehicle = hovering(parameters={"SYS_FAILURE_EN": 1})
     sender = mavlink.MAVLink(None, 1, 195)
     receiver = mavlink.MAVLink(None)
     receiver.robust_parsing = True
@@ -82,8 +81,7 @@ def test_a_storm_of_hostile_messages_is_survived(rng: np.random.Generator) -> No
 
 
 def test_after_extreme_setpoints_it_still_flies() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=3e38, vy=-3e38, vz=-3e38, yaw_rate=3e38), 2.0)
+    vehicle = in_offboard(setpoint(vx=3e38, vy=-3e38, vz=-3e38, yaw_rate=3e38), 2.0)
     vehicle.run(1.0, setpoint(frame=1, mask=0x9C7, yaw=3e38))
     vehicle.set_mode(Mode.HOLD)
     vehicle.run(12.0)

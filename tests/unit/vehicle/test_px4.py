@@ -5,7 +5,18 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import ARM, LAND, SET_MODE, START_NS, TAKEOFF, VehicleInHand, setpoint, sticks
+from vehicle_in_hand import (
+    ARM,
+    LAND,
+    SET_MODE,
+    START_NS,
+    TAKEOFF,
+    VehicleInHand,
+    hovering,
+    in_offboard,
+    setpoint,
+    sticks,
+)
 
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.modes import Mode
@@ -92,8 +103,7 @@ def test_arming_is_refused_in_modes_that_end_on_the_ground(mode: Mode) -> None:
 
 
 def test_position_mode_needs_sticks_once_armed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     assert vehicle.set_mode(Mode.POSITION) == [0, 1]
     vehicle.run(0.1, sticks())
     assert vehicle.set_mode(Mode.POSITION) == [0, 0]
@@ -104,8 +114,7 @@ def test_position_mode_needs_sticks_once_armed() -> None:
 
 
 def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.run(0.1, sticks())
     vehicle.set_mode(Mode.POSITION)
     vehicle.px4.flight.estimate.valid = False
@@ -114,8 +123,7 @@ def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
 
 
 def test_sticks_fly_it_in_position_mode() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.run(0.1, sticks())
     vehicle.set_mode(Mode.POSITION)
     vehicle.run(3.0, sticks(forward=0.1))
@@ -125,8 +133,7 @@ def test_sticks_fly_it_in_position_mode() -> None:
 
 
 def test_a_pilot_takes_over_from_offboard_while_setpoints_go_on() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=0.5), 2.0)
+    vehicle = in_offboard(setpoint(vx=0.5), 2.0)
     vehicle.send(sticks(), GROUND)
     vehicle.send(
         mavlink.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 3, 0, 0, 0, 0, 0), GROUND
@@ -150,8 +157,7 @@ def test_a_mode_that_does_not_exist_is_rejected() -> None:
 
 
 def test_disarming_in_the_air_is_refused_unless_forced() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.hear_ground_station()
     assert vehicle.command(ARM, 0.0) == [1]
     assert vehicle.received("STATUSTEXT", GROUND)[-1].text == "Disarming denied: not landed"
@@ -169,8 +175,7 @@ def test_it_disarms_10_s_after_arming_without_take_off() -> None:
 
 
 def test_take_off_climbs_to_the_altitude_above_sea_level_and_then_holds() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off(height_m=3.0)
+    vehicle = hovering()
     vehicle.run(5.0)
     assert vehicle.mode is Mode.HOLD
     assert vehicle.px4.config.ground_m - vehicle.body.down_m == pytest.approx(3.0, abs=0.05)
@@ -187,8 +192,7 @@ def test_take_off_without_an_altitude_uses_the_parameter() -> None:
 
 
 def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off(height_m=5.0)
+    vehicle = hovering(height_m=5.0)
     assert vehicle.command(LAND) == [0]
     seconds = vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert seconds == pytest.approx(14.0, abs=1.5)
@@ -198,8 +202,7 @@ def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
 
 
 def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.command(LAND)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert vehicle.mode is Mode.HOLD
@@ -207,8 +210,7 @@ def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> No
 
 
 def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0)
     vehicle.command(LAND)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert vehicle.mode is Mode.OFFBOARD
@@ -218,8 +220,7 @@ def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -
 
 
 def test_return_flies_home_and_lands_there() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
+    vehicle = in_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
     assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) > 4.0
     vehicle.set_mode(Mode.RETURN)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 60.0)
@@ -227,8 +228,7 @@ def test_return_flies_home_and_lands_there() -> None:
 
 
 def test_hold_stops_and_keeps_the_place() -> None:
-    vehicle = VehicleInHand(wind_east_m_s=1.0)
-    vehicle.fly_offboard(setpoint(vx=1.0), 4.0)
+    vehicle = in_offboard(setpoint(vx=1.0), 4.0, wind_east_m_s=1.0)
     vehicle.set_mode(Mode.HOLD)
     vehicle.run(6.0)
     here = vehicle.body.north_m, vehicle.body.east_m
@@ -288,8 +288,7 @@ def test_ping_and_timesync_are_answered() -> None:
 
 
 def test_home_is_where_it_was_armed() -> None:
-    vehicle = VehicleInHand(ground_m=0.3)
-    vehicle.take_off()
+    vehicle = hovering(ground_m=0.3)
     home = vehicle.received("HOME_POSITION")[-1]
     assert home.z == pytest.approx(0.3)
     assert home.altitude == pytest.approx(1000 * (488.0 - 0.3), abs=1)
@@ -308,11 +307,9 @@ def test_home_is_where_it_was_armed() -> None:
     ("unit", "kind", "name"), [(100, 1, "battery"), (4, 1, "estimate"), (4, 4, "jump")]
 )
 def test_faults_are_injected_only_where_enabled(unit: int, kind: int, name: str) -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     assert vehicle.command(420, unit, kind, 0.0) == [2]
-    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
-    vehicle.take_off()
+    vehicle = hovering(parameters={"SYS_FAILURE_EN": 1})
     before = vehicle.px4.flight.estimate.north_m
     assert vehicle.command(420, unit, kind, 0.0) == [0]
     vehicle.run(0.2)
