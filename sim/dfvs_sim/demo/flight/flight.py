@@ -116,7 +116,8 @@ class Flight:
         DfvsError
             If vehicle, pilot or service cannot be brought up.
         """
-        self._write_goals()
+        for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
+            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
         with contextlib.ExitStack() as stack:
             stack.callback(self._ports.close)
             session = self._start(stack)
@@ -143,10 +144,6 @@ class Flight:
         """Where the goals are written: those on the way are numbered, the last is ``goal.png``."""
         via = [f"goal-{number}.png" for number in range(1, len(self._plan.goals))]
         return [self._folder / name for name in (*via, "goal.png")]
-
-    def _write_goals(self) -> None:
-        for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
-            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
 
     def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
@@ -179,7 +176,7 @@ class Flight:
     def _dashboard(self, stack: contextlib.ExitStack) -> Child | None:
         if not self._options.dashboard:
             return None
-        self._log(f"dashboard at {self._processes.dashboard_url}")
+        self._log(f"dashboard at http://{LOOPBACK}:{self._ports.dashboard}/")
         return stack.enter_context(self._processes.dashboard())
 
     def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
