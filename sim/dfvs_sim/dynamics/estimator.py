@@ -6,7 +6,7 @@ import numpy as np
 
 from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateErrors
-from dfvs_sim.dynamics.rigid_body import MotionState, Quadrotor
+from dfvs_sim.dynamics.rigid_body import MotionState, Quadrotor, Vector
 
 _FIELDS = tuple(field.name for field in fields(MotionState))
 
@@ -33,26 +33,20 @@ class Estimator:
     def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
         self._process = None if errors == EstimateErrors() else ErrorProcess(errors, rng)
         self._position = [0.0, 0.0, 0.0]
-        self._yaw = 0.0
         self.estimate = Estimate()
 
     @property
-    def attitude_error_rad(self) -> tuple[float, float, float]:
+    def attitude_error_rad(self) -> Vector:
         """Estimated minus true roll, pitch and yaw."""
         if self._process is None:
-            return 0.0, 0.0, self._yaw
+            return 0.0, 0.0, 0.0
         roll, pitch, yaw = self._process.attitude_rad
-        return roll, pitch, yaw + self._yaw
+        return roll, pitch, yaw
 
     def reset_position(self, north_m: float, east_m: float, down_m: float) -> None:
         """Shift the position estimate at once, for good, as after a wrong fix."""
         for i, shift in enumerate((north_m, east_m, down_m)):
             self._position[i] += shift
-        self.estimate.resets += 1
-
-    def reset_heading(self, shift_rad: float) -> None:
-        """Turn the heading estimate at once, for good."""
-        self._yaw += shift_rad
         self.estimate.resets += 1
 
     def update(self, dt_s: float, vehicle: Quadrotor) -> Estimate:
@@ -76,6 +70,5 @@ class Estimator:
             e.a_east_m_s2 += error.acceleration_m_s2[1]
             e.roll_rad += error.attitude_rad[0]
             e.pitch_rad += error.attitude_rad[1]
-        if self._process is not None or self._yaw != 0.0:
-            e.yaw_rad = wrap_angle(vehicle.yaw_rad + self.attitude_error_rad[2])
+            e.yaw_rad = wrap_angle(e.yaw_rad + error.attitude_rad[2])
         return e

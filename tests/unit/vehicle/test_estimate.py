@@ -81,13 +81,14 @@ def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
     assert 0.1 < float(np.sqrt(np.mean(np.square(speeds)))) < 0.4
 
 
-def test_a_body_velocity_goes_where_the_estimated_heading_points() -> None:
-    vehicle = hovering()
-    vehicle.px4.flight.estimator.reset_heading(0.3)
-    vehicle.run(8.0)  # Hold turns the vehicle until the estimated heading is the old one
-    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)
-    vehicle.run(0.5, setpoint())
-    vehicle.command(176, 1.0, 6.0)
+def test_a_body_velocity_goes_where_the_estimated_heading_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wrong = EstimateErrors(heading_bias_mean_deg=math.degrees(0.3))
+    monkeypatch.setitem(ERRORS, EstimateGrade.LOW, wrong)
+    to_north = setpoint(frame=1, mask=0x9C7, yaw=0.0)
+    vehicle = in_offboard(to_north, 8.0, estimate=EstimateGrade.LOW)
+    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)  # the estimate says north
     vehicle.run(3.0, setpoint(0.5))
     course = math.atan2(vehicle.body.v_east_m_s, vehicle.body.v_north_m_s)
     # forward is where the estimated heading points, north; the acceleration began 0.3 rad off
@@ -112,23 +113,19 @@ def test_a_wrong_tilt_is_flown_truly() -> None:
     assert (vehicle.roll_rad, vehicle.pitch_rad) == pytest.approx((-0.02, 0.03), abs=1e-3)
 
 
-def test_resets_shift_the_estimate_and_are_counted() -> None:
+def test_a_reset_shifts_the_estimate_for_good_and_is_counted() -> None:
     vehicle, estimator = Quadrotor(), Estimator(EstimateErrors(), np.random.default_rng(0))
     estimator.reset_position(2.0, 0.0, -1.0)
-    estimator.reset_heading(0.1)
-    e = estimator.update(DT_S, vehicle)
-    assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
-    assert e.yaw_rad == pytest.approx(0.1)
-    assert e.resets == 2
-    for _ in range(1500):
+    for _ in range(2):
         e = estimator.update(DT_S, vehicle)
-    assert e.north_m == 2.0
+        assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
+        assert e.resets == 1
 
 
 def test_a_reset_is_told_by_odometry() -> None:
     vehicle = VehicleInHand()
     vehicle.run(1.0)
-    vehicle.px4.flight.estimator.reset_heading(0.1)
+    vehicle.px4.flight.estimator.reset_position(1.0, 0.0, 0.0)
     vehicle.run(1.0)
     counters = [m.reset_counter for m in vehicle.received("ODOMETRY")]
     assert (counters[0], counters[-1]) == (0, 1)
