@@ -97,16 +97,11 @@ class GlbFile:
         )
         return len(self.json["accessors"]) - 1
 
-    def primitive(self, mesh=0, **fields):
-        while len(self.json["meshes"]) <= mesh:
-            self.json["meshes"].append({"primitives": []})
-        self.json["meshes"][mesh]["primitives"].append(fields)
-
     def triangle(self, points=((0, 0, 0), (1, 0, 0), (0, 1, 0)), **fields):
         """Add one unindexed primitive through the points."""
         position = self.accessor(np.array(points, dtype=np.float32))
         attributes = {"POSITION": position, **fields.pop("attributes", {})}
-        self.primitive(attributes=attributes, **fields)
+        self.json["meshes"][0]["primitives"].append({"attributes": attributes, **fields})
 
     def material(self, **pbr):
         self.json["materials"].append({"pbrMetallicRoughness": pbr})

@@ -14,7 +14,7 @@ from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4
 
 START_NS = 1_000_000_000
-BODY_VELOCITY, NED_VELOCITY_YAW = 0x5C7, 0x9C7
+BODY_VELOCITY = 0x5C7
 ARM, SET_MODE, TAKEOFF, LAND = 400, 176, 22, 21
 LATER = 20_000_000
 
@@ -49,14 +49,14 @@ def gcs_heartbeat() -> Any:
 class VehicleInHand:
     """Px4 with its sent messages and its record."""
 
-    def __init__(self, **config: Any) -> None:
+    def __init__(self, *, seed: int = 3, **config: Any) -> None:
         self.now_ns = START_NS
         self.record: list[tuple[int, str, dict[str, Any]]] = []
         self.sent: list[tuple[int, str, Any]] = []
         self.px4 = Px4(
             VehicleConfig(**config),
             self.now_ns,
-            np.random.default_rng(3),
+            np.random.default_rng(seed),
             lambda t_ns, kind, fields: self.record.append((t_ns, kind, fields)),
         )
 
@@ -140,3 +140,17 @@ class VehicleInHand:
 
     def types_sent(self, link: str, since_ns: int = 0) -> list[str]:
         return [m.get_type() for t, name, m in self.sent if name == link and t > since_ns]
+
+
+def hovering(height_m: float = 3.0, **config: Any) -> VehicleInHand:
+    """A vehicle in Hold, so high above the ground."""
+    vehicle = VehicleInHand(**config)
+    vehicle.take_off(height_m)
+    return vehicle
+
+
+def in_offboard(message: Any, seconds: float, **config: Any) -> VehicleInHand:
+    """A vehicle in OFFBOARD that has followed a message for so long."""
+    vehicle = VehicleInHand(**config)
+    vehicle.fly_offboard(message, seconds)
+    return vehicle

@@ -54,6 +54,16 @@ def vehicle_running(folder: Path, *options: str) -> Iterator[RunningVehicle]:
 
 
 @contextlib.contextmanager
+def linked_vehicle(folder: Path, *options: str) -> Iterator[tuple[RunningVehicle, GroundLink]]:
+    """A running vehicle and a ground station's link to it."""
+    with (
+        vehicle_running(folder, *options) as vehicle,
+        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+    ):
+        yield vehicle, link
+
+
+@contextlib.contextmanager
 def companion_connected(port: int) -> Iterator[System]:
     configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
     mavsdk = Mavsdk(configuration)

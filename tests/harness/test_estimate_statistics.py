@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import hovering, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.motion.flight import VehicleConfig
-from dfvs_sim.vehicle.px4 import Px4
 
 Array = NDArray[np.float64]
 
@@ -77,10 +75,7 @@ MOTION = (
 
 def fly(grade: EstimateGrade, seed: int) -> tuple[Array, Array, int]:
     """Truth and estimate (n, 9) in the air, and how many of the samples are in Hold."""
-    vehicle = VehicleInHand()
-    rng = np.random.default_rng(seed)
-    vehicle.px4 = Px4(VehicleConfig(estimate=grade), vehicle.now_ns, rng)
-    vehicle.take_off(1.5)
+    vehicle = hovering(seed=seed, estimate=grade, height_m=1.5)
     rows: list[list[list[float]]] = []
 
     def sample(seconds: float, message: Any = None) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
-from dfvs_sim.demo.flight.camera_poses import FlightError
+from dfvs_sim.demo.flight.flight import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.demo.progress import Progress

@@ -15,8 +15,7 @@ from dfvs_core.geometry.poses import pose_error
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
-from dfvs_sim.demo.flight.camera_poses import FlightError
-from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running
+from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightSession, Log, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions

@@ -116,16 +116,13 @@ class MockCamera:
                 f"at most {MAX_FRAME_BYTES / 1e6:.1f} MB, or nobody receives it",
                 "choose `--format jpeg` or a smaller `--size`",
             )
-        self._update_lead(time.monotonic_ns() - begun_ns)
+        taken_ns = time.monotonic_ns() - begun_ns
+        lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
+        self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, self._config.pixel_format.media_type)
         self.published_ns.append(time.monotonic_ns())
         self.frames += 1
-
-    def _update_lead(self, taken_ns: int) -> None:
-        """Update how long an image takes, without the wait for its moment."""
-        lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
-        self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
 
 
 def zenoh_publisher(session: zenoh.Session, vehicle: str) -> Publish:

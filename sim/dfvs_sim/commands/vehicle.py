@@ -10,7 +10,13 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
-from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
+from dfvs_sim.options import (
+    grade_names,
+    parse_estimate,
+    parse_numbers,
+    parse_wind,
+    require_range,
+)
 from dfvs_sim.vehicle.messages.udp_link import UdpPorts
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle
@@ -98,6 +104,7 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
             raise ConfigError(f"{old} is not an option", f"--estimate {grade_names(EstimateGrade)}")
     x, y, z, yaw_deg = parse_numbers(args.start, "--start", 4)
     wind, (north, east) = parse_wind(args.wind)
+    require_range(args, 1, 250, "system_id")
     return ProcessConfig(
         companion=UdpPorts(args.companion_local_port, args.companion_port),
         ground=UdpPorts(args.gcs_local_port, args.gcs_port),
@@ -108,16 +115,10 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
             yaw_rad=math.radians(yaw_deg),
             ground_m=args.ground_z,
             ready_after_s=args.ready_after,
-            system_id=_system_id(args.system_id),
+            system_id=args.system_id,
             estimate=parse_estimate(args.estimate),
             wind=wind,
             wind_north_m_s=north,
             wind_east_m_s=east,
         ),
     )
-
-
-def _system_id(number: int) -> int:
-    if not 1 <= number <= 250:
-        raise ConfigError(f"--system-id is {number}", "1 to 250")
-    return number

@@ -1,6 +1,7 @@
 """``dfvs-demo``: fly a simulated drone to a picture, and show how it went."""
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,15 +9,15 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from, refuse_conditions
-from dfvs_sim.demo.fleet import check_vehicles
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.fleet import MOST_VEHICLES
 from dfvs_sim.demo.flight.camera_link import CAMERAS
 from dfvs_sim.demo.flight.engagement import engagement_of
 from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, is_shared
 from dfvs_sim.demo.options import VEHICLE_NAME
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.runs import fly_fleet, fly_seeds
-from dfvs_sim.options import add_camera_options, add_scene_option, require_folder
+from dfvs_sim.options import add_camera_options, add_scene_option, require_folder, require_range
 
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room
@@ -38,14 +39,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace, words: tuple[str, ...]) -> int:
-    progress = Progress()
-    try:
+    with contextlib.closing(Progress()) as progress:
         _check(args)
         if args.vehicles > 1:
             return fly_fleet(args, words, progress)
         return fly_seeds(args, progress)
-    finally:
-        progress.close()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -111,11 +109,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be flown, and settle what other options decide."""
-    check_vehicles(args.vehicles)
-    if args.runs < 1:
-        raise ConfigError(f"--runs is {args.runs}", "1 or more")
-    if args.system_id is not None and not 1 <= args.system_id <= 250:
-        raise ConfigError(f"--system-id is {args.system_id}", "1 to 250")
+    require_range(args, 1, MOST_VEHICLES, "vehicles")
+    require_range(args, 1, None, "runs")
+    if args.system_id is not None:
+        require_range(args, 1, 250, "system_id")
     if args.rate is None:
         args.rate = SHARED_RATE_HZ if is_shared(args.vehicles) else RATE_HZ
     if not 0.1 <= args.rate <= 240:
@@ -123,8 +120,9 @@ def _check(args: argparse.Namespace) -> None:
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
     require_folder("--json", args.json)
-    if args.autopilot is not None:
-        refuse_conditions(args, "--autopilot")
+    for name in ("estimate", "wind"):
+        if args.autopilot is not None and getattr(args, name) is not None:
+            raise ConfigError(f"--{name} beside --autopilot", "only one of them")
     conditions_from(args)
     engagement_of(args.service.split())
 

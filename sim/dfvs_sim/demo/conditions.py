@@ -4,7 +4,6 @@ import argparse
 from dataclasses import dataclass
 from typing import Any
 
-from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.options import grade_names, parse_estimate, parse_wind
 
@@ -59,16 +58,3 @@ def conditions_from(args: argparse.Namespace) -> Conditions:
         If there is no such grade or wind.
     """
     return Conditions(args.estimate or USUAL_ESTIMATE, args.wind or Conditions().wind)
-
-
-def refuse_conditions(args: argparse.Namespace, beside: str) -> None:
-    """Refuse the options where no vehicle is simulated.
-
-    Raises
-    ------
-    ConfigError
-        If one was given.
-    """
-    for name in ("estimate", "wind"):
-        if getattr(args, name) is not None:
-            raise ConfigError(f"--{name} beside {beside}", "only one of them")

@@ -12,7 +12,6 @@ from typing import Any
 
 from dfvs_common.child import end_all
 from dfvs_common.lifecycle import child_environment
-from dfvs_core.errors import ConfigError
 
 MOST_VEHICLES = 4
 NO_FLIGHT = "no flight"
@@ -69,18 +68,6 @@ class Member:
             document = {"vehicle": self.name, "seed": self.seed, "converged": False}
             document["end_state"] = NO_FLIGHT
         return dict(document)
-
-
-def check_vehicles(count: int) -> None:
-    """Check how many vehicles are to fly at a time.
-
-    Raises
-    ------
-    ConfigError
-        If that is none or too many.
-    """
-    if not 1 <= count <= MOST_VEHICLES:
-        raise ConfigError(f"--vehicles is {count}", f"1 to {MOST_VEHICLES}")
 
 
 def fly_together(members: Sequence[Member], log: Callable[[str], None]) -> list[int]:

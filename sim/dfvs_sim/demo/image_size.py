@@ -7,12 +7,13 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from dfvs_common.command_line import parse_size
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 
-SIZES = (((320, 240), 28.0), ((256, 192), 40.0), ((192, 144), np.inf))
-"""Image sizes, and how long a match of the largest one may take for each, ms."""
+SIZES = (("320x240", 28.0), ("256x192", 40.0), ("192x144", np.inf))
+"""Image sizes in px, and how long a match of the largest one may take for each, ms."""
 
 RATE_HZ, SHARED_RATE_HZ = 15.0, 10.0
 """Frames a second of one vehicle, and of each of several that share too few cores."""
@@ -49,31 +50,26 @@ def match_ms() -> float:
     return 1000.0 * float(np.median(times))
 
 
-def affordable_size(taken_ms: float) -> tuple[int, int]:
-    """Width and height of the largest images for which a machine is quick enough."""
+def affordable_size(taken_ms: float) -> str:
+    """Size of the largest images for which a machine is quick enough."""
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
 
 
 def measured_size(log: Callable[[str], None], vehicles: int = 1) -> str:
     """Size of the images by what this machine takes for a match, as ``--size`` takes it."""
     if is_shared(vehicles):
-        size = as_text(SIZES[-1][0])
+        size = SIZES[-1][0]
         log(f"{vehicles} vehicles on {os.cpu_count()} cores: images of {size} (--size)")
         return size
     taken_ms = match_ms()
-    size = as_text(affordable_size(taken_ms))
+    size = affordable_size(taken_ms)
     log(f"{taken_ms:.0f} ms a match on this machine: images of {size} (--size)")
     return size
 
 
-def as_text(size: tuple[int, int]) -> str:
-    """Size as ``--size`` takes it."""
-    return f"{size[0]}x{size[1]}"
-
-
 def _image() -> ImageArray:
     """Image (H, W, 3) with detail at several scales."""
-    (width, height), _ = SIZES[0]
+    width, height = parse_size(SIZES[0][0], "--size")
     rng = np.random.default_rng(0)
     total = np.zeros((height, width, 3), np.float32)
     for cells in (10, 20, 40, 80):

@@ -9,8 +9,6 @@ VEHICLE_NAME = "demo"
 FIRST_SYSTEM_ID = 1
 """Of the simulated vehicle, as of a PX4 SITL."""
 
-USUAL_GROUND_URL = "udpin://127.0.0.1:14550"
-
 
 @dataclass(frozen=True, slots=True)
 class FlightOptions:

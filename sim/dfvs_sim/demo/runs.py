@@ -10,13 +10,12 @@ from dfvs_sim.demo.conditions import Conditions, conditions_from
 from dfvs_sim.demo.fleet import Member, fly_together
 from dfvs_sim.demo.flight.flight import Flight
 from dfvs_sim.demo.flight.track import Track
-from dfvs_sim.demo.image_size import AUTO, SIZES, as_text, measured_size
+from dfvs_sim.demo.image_size import AUTO, SIZES, measured_size
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.report import FlightReport, ReportError
-from dfvs_sim.demo.results.summary import FlightSummary, write_results
-from dfvs_sim.demo.results.table import flight_table
+from dfvs_sim.demo.results.summary import FlightSummary, flight_table, write_results
 from dfvs_sim.options import camera_from, parse_camera_pose, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
@@ -54,7 +53,7 @@ def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
     """Fly one seed after the other."""
     is_size_open = args.size == AUTO
     if is_size_open:
-        args.size = as_text(SIZES[0][0])
+        args.size = SIZES[0][0]
     camera = camera_from(args)
     if args.route:
         _take_route(args)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimator import Estimate
-from dfvs_sim.dynamics.motion_state import Vector
-from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, Command
+from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, Command, Vector
 
 NAN_VECTOR: Vector = (math.nan, math.nan, math.nan)
 

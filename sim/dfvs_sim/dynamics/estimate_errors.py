@@ -69,11 +69,6 @@ class EstimateErrors:
             if not math.isfinite(value) or value < least or (value == 0.0 and "_time_" in name):
                 raise ConfigError(f"{name} of the estimate's errors is {value}", "a size")
 
-    @property
-    def none(self) -> bool:
-        """Whether the estimate equals the truth."""
-        return self == EstimateErrors()
-
 
 ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
     EstimateGrade.PERFECT: EstimateErrors(),

@@ -2,18 +2,17 @@
 
 Plain floats throughout: the model runs 250 times a second beside everything else. World frame
 NED (m, m/s, m/s²), body FRD, aerospace angles in rad. The parameters were fitted to step responses
-recorded with PX4 v1.17's own quadrotor model; ``tests/unit/test_dynamics.py`` holds the table.
+recorded with PX4 v1.17's own quadrotor model; ``tests/unit/vehicle/test_dynamics.py`` has them.
 """
 
 import math
 from dataclasses import dataclass
 
 from dfvs_core.geometry.poses import wrap_angle
-from dfvs_sim.dynamics.motion_state import MotionState
+
+Vector = tuple[float, float, float]
 
 GRAVITY_M_S2 = 9.80665
-
-
 DRAG_1_S = 0.88
 """Drag, linear in the velocity through the air, per unit of mass."""
 TILT_MAX_RAD = math.radians(45.0)
@@ -22,6 +21,53 @@ _ATTITUDE_GAIN_1_S, _RATE_GAIN_1_S = 6.5, 10.7
 """From an error of the tilt to a rate, and from one of the rate to an angular acceleration."""
 _YAW_RATE_GAIN_1_S, _YAW_INTEGRAL_GAIN_1_S2, _YAW_LAG_S = 2.44, 0.63, 0.084
 """Proportional and integral gain of the yaw rate, and the lag of the rotors behind them."""
+
+
+@dataclass(slots=True)
+class MotionState:
+    """Motion of a vehicle, true or estimated, in the local frame; body rates are in rad/s."""
+
+    north_m: float = 0.0
+    east_m: float = 0.0
+    down_m: float = 0.0
+    v_north_m_s: float = 0.0
+    v_east_m_s: float = 0.0
+    v_down_m_s: float = 0.0
+    a_north_m_s2: float = 0.0
+    a_east_m_s2: float = 0.0
+    a_down_m_s2: float = 0.0
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    roll_rate_rad_s: float = 0.0
+    pitch_rate_rad_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    on_ground: bool = True
+
+    @property
+    def position_m(self) -> Vector:
+        """North, east, down."""
+        return self.north_m, self.east_m, self.down_m
+
+    @property
+    def velocity_m_s(self) -> Vector:
+        """Towards north, east, down."""
+        return self.v_north_m_s, self.v_east_m_s, self.v_down_m_s
+
+    @property
+    def acceleration_m_s2(self) -> Vector:
+        """Towards north, east, down."""
+        return self.a_north_m_s2, self.a_east_m_s2, self.a_down_m_s2
+
+    @property
+    def attitude_rad(self) -> Vector:
+        """Roll, pitch, yaw."""
+        return self.roll_rad, self.pitch_rad, self.yaw_rad
+
+    @property
+    def rates_rad_s(self) -> Vector:
+        """About the body's axes."""
+        return self.roll_rate_rad_s, self.pitch_rate_rad_s, self.yaw_rate_rad_s
 
 
 @dataclass(frozen=True, slots=True)

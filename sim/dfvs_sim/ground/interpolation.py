@@ -33,17 +33,14 @@ def append(samples: deque[S], sample: S) -> None:
         samples.append(sample)
 
 
-def position_at(
-    samples: deque[PositionSample], stamp_ns: int
-) -> tuple[tuple[float, float, float], ...]:
-    """Position and velocity: straight between samples, on with the velocity beyond them."""
+def position_at(samples: deque[PositionSample], stamp_ns: int) -> tuple[float, float, float]:
+    """Position: straight between samples, on with the velocity beyond them."""
     a, b, share = _around(samples, stamp_ns)
     if b is None:
         x, y, z = (p + v * share for p, v in zip(a.position, a.velocity, strict=True))
-        return (x, y, z), a.velocity
-    x, y, z = _mix(a.position, b.position, share)
-    u, v, w = _mix(a.velocity, b.velocity, share)
-    return (x, y, z), (u, v, w)
+    else:
+        x, y, z = _mix(a.position, b.position, share)
+    return x, y, z
 
 
 def attitude_at(samples: deque[AttitudeSample], stamp_ns: int) -> tuple[float, ...]:

@@ -11,8 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -37,10 +36,7 @@ Message = Any
 Callback = Callable[[Message, int], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
-    """A message and when it arrived (monotonic ns)."""
-
+class _Received(NamedTuple):
     message: Message
     t_ns: int
 
@@ -67,7 +63,7 @@ class GroundLink:
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._changed = threading.Condition(threading.RLock())
-        self._latest: dict[str, Received] = {}
+        self._latest: dict[str, _Received] = {}
         self._subscribers: list[tuple[frozenset[str], Callback]] = []
         self._texts = StatusTexts()
         self._autopilots = Autopilots(system_id)
@@ -80,15 +76,10 @@ class GroundLink:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the link."""
-        self.close()
-
-    def close(self) -> None:
         """Stop the thread and give the port back."""
         self._closing = True
         self._wake.send(b"x")
-        if self._thread is not threading.current_thread():
-            self._thread.join()
+        self._thread.join()
         for sock in (self._socket, self._wake, self._woken):
             sock.close()
 
@@ -115,10 +106,11 @@ class GroundLink:
 
         return end
 
-    def latest(self, name: str) -> Received | None:
+    def latest(self, name: str) -> Message | None:
         """Newest message of the type; None before the first."""
         with self._changed:
-            return self._latest.get(name)
+            received = self._latest.get(name)
+            return None if received is None else received.message
 
     def wait_for(
         self,
@@ -249,7 +241,7 @@ class GroundLink:
             if name == "BAD_DATA" or not self._is_from_vehicle(message, sender, t_ns):
                 continue
             with self._changed:
-                self._latest[name] = Received(message, t_ns)
+                self._latest[name] = _Received(message, t_ns)
                 if name == "STATUSTEXT":
                     self._texts.add(message, t_ns)
                 subscribers = self._subscribers

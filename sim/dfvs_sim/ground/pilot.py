@@ -7,7 +7,6 @@ or telemetry, because PX4's first acknowledgement proves nothing.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -23,6 +22,7 @@ LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
 
 _PREARM = 0x10000000
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_VEHICLE_S, _ARMABLE_S, _TAKE_OFF_S, _LANDING_S = 15.0, 60.0, 60.0, 120.0
 _HEARTBEAT_S = 2.5
 _TEXT_S = 0.1
 _LANDED_STATE_S = 2.5
@@ -43,49 +43,37 @@ class PilotError(DfvsError):
     """The vehicle did not do what the pilot asked."""
 
 
-@dataclass(frozen=True, slots=True)
-class Timeouts:
-    """How long the pilot waits, in s.
-
-    After ``hover`` the pilot also goes on with a vehicle that only seems to move a little.
-    """
-
-    vehicle: float = 15.0
-    armable: float = 60.0
-    takeoff: float = 60.0
-    hover: float = 20.0
-    landing: float = 120.0
-
-
 class Pilot:
     """Flies the vehicle over the ground-station link, which it shares and does not own.
 
     Parameters
     ----------
     link : GroundLink
-    timeouts : Timeouts
     log : callable
         Takes one line about what the pilot did and nobody asked for.
+    hover_s : float
+        How long to wait for rest. Then the pilot also goes on with a vehicle that only seems to
+        move a little.
     """
 
     def __init__(
         self,
         link: GroundLink,
-        timeouts: Timeouts | None = None,
         log: Callable[[str], None] = lambda _: None,
+        hover_s: float = 20.0,
     ) -> None:
         self._link = link
-        self._timeouts = timeouts or Timeouts()
         self._log = log
+        self._hover_s = hover_s
 
     def prepare(self) -> None:
         """Wait until the vehicle can be armed, and set the advised parameters."""
         self.wait_until_armable()
         changed = []
         for name, value in ADVISED_PARAMETERS.items():
-            old = self.get_parameter(name)
+            old = get_parameter(self._link, name)
             if old != value:
-                self.set_parameter(name, value)
+                set_parameter(self._link, name, value)
                 changed.append(f"{name} from {old:g} to {value:g}")
         if changed:
             self._log(f"the pilot changes {' and '.join(changed)}")
@@ -98,16 +86,16 @@ class Pilot:
         PilotError
             If they do not pass in time.
         """
-        self._link.wait_for_vehicle(self._timeouts.vehicle)
+        self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
         ready = self._link.wait_for(
             "SYS_STATUS",
-            self._timeouts.armable,
+            _ARMABLE_S,
             lambda m: bool(m.onboard_control_sensors_health & _PREARM),
         )
         if ready is None:
             raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
-        if self._link.wait_for("HOME_POSITION", self._timeouts.armable) is None:
+        if self._link.wait_for("HOME_POSITION", _ARMABLE_S) is None:
             raise self._refused("the vehicle has no home position")
 
     def arm(self) -> None:
@@ -128,11 +116,6 @@ class Pilot:
         if not self.armed() and self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
             self.set_mode(Mode.HOLD)
 
-    def disarm(self) -> None:
-        """Disarm on the ground."""
-        self._command("disarming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
-        self._confirm("disarming", lambda m: not m.base_mode & _ARMED)
-
     def take_off(self, height_m: float) -> None:
         """Arm if need be, climb so far from here, and wait until at rest there.
 
@@ -145,28 +128,25 @@ class Pilot:
         """
         if not self.armed():
             self.arm()
-        home = self._link.wait_for("HOME_POSITION", self._timeouts.vehicle)
+        home = self._link.wait_for("HOME_POSITION", _VEHICLE_S)
         if home is None:
             raise self._refused("the vehicle has no home position")
-        place = self._link.wait_for("LOCAL_POSITION_NED", self._timeouts.vehicle)
+        place = self._link.wait_for("LOCAL_POSITION_NED", _VEHICLE_S)
         if place is None:
             raise self._refused("the vehicle does not tell its position")
-        nan = math.nan
         down_m = place.z - height_m
         altitude_m = home.altitude / 1000.0 + home.z - down_m
-        params = (nan, nan, nan, nan, nan, nan, altitude_m)
-        self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *params)
+        self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, altitude_m)
         top = place.z - 0.8 * height_m
-        timeout_s = self._timeouts.takeoff
-        if self._link.wait_for("LOCAL_POSITION_NED", timeout_s, lambda m: m.z < top) is None:
+        if self._link.wait_for("LOCAL_POSITION_NED", _TAKE_OFF_S, lambda m: m.z < top) is None:
             raise self._refused(f"the vehicle did not climb to {height_m:g} m")
-        self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, self._timeouts.takeoff)
+        self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, _TAKE_OFF_S)
         self.wait_until_hovering(down_m)
 
     def wait_until_hovering(self, down_m: float | None = None) -> None:
         """Wait until the vehicle is at rest, at a local z where one is given.
 
-        A vehicle whose estimate shows slow motion for the whole of ``Timeouts.hover`` passes too.
+        A vehicle whose estimate shows slow motion for the whole of ``hover_s`` passes too.
 
         Raises
         ------
@@ -174,7 +154,7 @@ class Pilot:
             If it moves faster, or is at another height.
         """
         rest = RestDetector(down_m)
-        deadline = time.monotonic() + self._timeouts.hover
+        deadline = time.monotonic() + self._hover_s
         since_ns = time.monotonic_ns()
         while time.monotonic() < deadline and not rest.is_at_rest:
             m = self._link.wait_for("LOCAL_POSITION_NED", 1.0, since_ns=since_ns)
@@ -187,7 +167,7 @@ class Pilot:
             raise self._refused("the vehicle does not come to rest")
         self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
-            f"of {WINDOW_S:g} s); the pilot goes on after {self._timeouts.hover:g} s"
+            f"of {WINDOW_S:g} s); the pilot goes on after {self._hover_s:g} s"
         )
 
     def set_mode(self, mode: Mode) -> None:
@@ -220,17 +200,17 @@ class Pilot:
             If it does not in time.
         """
         self.set_mode(Mode.LAND)
-        self._confirm("landing", lambda m: not m.base_mode & _ARMED, self._timeouts.landing)
+        self._confirm("landing", lambda m: not m.base_mode & _ARMED, _LANDING_S)
 
     def mode(self) -> Mode | None:
         """Mode in the last heartbeat."""
-        received = self._link.latest("HEARTBEAT")
-        return None if received is None else _mode(received.message)
+        heartbeat = self._link.latest("HEARTBEAT")
+        return None if heartbeat is None else _mode(heartbeat)
 
     def armed(self) -> bool:
         """Whether the last heartbeat shows the vehicle armed."""
-        received = self._link.latest("HEARTBEAT")
-        return received is not None and bool(received.message.base_mode & _ARMED)
+        heartbeat = self._link.latest("HEARTBEAT")
+        return heartbeat is not None and bool(heartbeat.base_mode & _ARMED)
 
     def is_flying(self) -> bool:
         """Whether the vehicle is in the air; whether it is armed, where it does not tell."""
@@ -238,14 +218,6 @@ class Pilot:
         if state is None or state.landed_state == mavlink.MAV_LANDED_STATE_UNDEFINED:
             return self.armed()
         return bool(state.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND)
-
-    def get_parameter(self, name: str) -> int | float:
-        """Value of one of the vehicle's parameters."""
-        return get_parameter(self._link, name)
-
-    def set_parameter(self, name: str, value: float) -> None:
-        """Write one of the vehicle's parameters and check it."""
-        set_parameter(self._link, name, value)
 
     def _command(self, what: str, command: int, *params: float, remedy: str = "") -> None:
         since_ns = time.monotonic_ns()

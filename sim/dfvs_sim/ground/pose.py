@@ -55,14 +55,10 @@ _STALLED_NS = 25_000_000
 
 @dataclass(frozen=True, slots=True)
 class VehiclePose:
-    """Pose in the vehicle's local frame (NED).
-
-    ``t_ns`` is monotonic time of this machine. Velocity is in NED too.
-    """
+    """Pose in the vehicle's local frame (NED); ``t_ns`` is monotonic time of this machine."""
 
     t_ns: int
     position_m: tuple[float, float, float]
-    velocity_m_s: tuple[float, float, float]
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
@@ -76,8 +72,8 @@ class VehiclePose:
 class PoseTracker:
     """Follows the vehicle's telemetry and tells its pose at a time.
 
-    The pose is the true one (``is_truth``) where the vehicle sends HIL_STATE_QUATERNION, else that
-    of the estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
+    The pose is the true one where the vehicle sends HIL_STATE_QUATERNION, else that of the
+    estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
 
     Parameters
     ----------
@@ -95,12 +91,7 @@ class PoseTracker:
         self._truth: TruthFilter | None = None
         self._places: deque[PositionSample] = deque(maxlen=_KEPT)
         self._turns: deque[AttitudeSample] = deque(maxlen=_KEPT)
-        self._end = link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.on_message)
-
-    @property
-    def is_truth(self) -> bool:
-        """Whether the poses are the vehicle's true ones."""
-        return self._truth is not None
+        link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.on_message)
 
     def start(self, timeout_s: float = 10.0) -> None:
         """Ask for the streams and wait for the first pose.
@@ -131,10 +122,6 @@ class PoseTracker:
             self._requested_ns = self._stamped_ns or 0
             self._places.clear()
             self._turns.clear()
-
-    def close(self) -> None:
-        """Stop following."""
-        self._end()
 
     def on_message(self, message: Message, arrival_ns: int) -> None:
         """Take one message of the three types."""
@@ -245,7 +232,7 @@ class PoseTracker:
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             if stamp < oldest or stamp > newest + _REACH_NS:
                 return None
-            position, velocity = position_at(self._places, stamp)
+            position = position_at(self._places, stamp)
             q = attitude_at(self._turns, stamp)
         R = rotation_from_quaternion(np.array(q))
-        return VehiclePose(t_ns, position, velocity, *euler_from_rotation(R))
+        return VehiclePose(t_ns, position, *euler_from_rotation(R))

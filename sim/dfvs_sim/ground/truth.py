@@ -12,8 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dfvs_sim.dynamics.motion_state import Vector
-from dfvs_sim.dynamics.rigid_body import DRAG_1_S, GRAVITY_M_S2
+from dfvs_sim.dynamics.rigid_body import DRAG_1_S, GRAVITY_M_S2, Vector
 from dfvs_sim.geodesy import metres_per_degree
 from dfvs_sim.ground.link import Message
 

@@ -14,7 +14,7 @@ from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.mesh import NO_TEXTURE, Scene
 from dfvs_sim.scene.texture import Texture, Wrap
 
-_UNSIGNED_BYTE, _UNSIGNED_SHORT, _UNSIGNED_INT = 5121, 5123, 5125
+_UNSIGNED_SHORT, _UNSIGNED_INT = 5123, 5125
 _TOP = 65535
 _WRAP = {Wrap.REPEAT: 10497, Wrap.CLAMP: 33071, Wrap.MIRROR: 33648}
 
@@ -22,10 +22,10 @@ _WRAP = {Wrap.REPEAT: 10497, Wrap.CLAMP: 33071, Wrap.MIRROR: 33648}
 class _Writer:
     """The document and the binary chunk while they grow."""
 
-    def __init__(self, generator: str) -> None:
+    def __init__(self) -> None:
         self.binary = bytearray()
         self.json: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": generator},
+            "asset": {"version": "2.0", "generator": "dfvs"},
             "extensionsUsed": [
                 "KHR_materials_unlit",
                 "KHR_mesh_quantization",
@@ -80,7 +80,7 @@ def save_glb(path: str | Path, scene: Scene, quality: int = 70) -> None:
 
     Colours must lie in 0 to 1. Textures become JPEG of the given quality (1 to 100).
     """
-    writer = _Writer("dfvs")
+    writer = _Writer()
     corners = gltf_from_ned(scene.vertices[np.unique(scene.triangles)].astype(np.float64))
     low = corners.min(axis=0)
     scale = float(np.max(corners.max(axis=0) - low)) or 1.0

@@ -7,12 +7,11 @@ from typing import Any, Protocol
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle import faults
 from dfvs_sim.vehicle.failsafe import Refusal
 from dfvs_sim.vehicle.messages.earth import HOME_ALTITUDE_M
-from dfvs_sim.vehicle.messages.streams import LinkState
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND, LinkState
 from dfvs_sim.vehicle.messages.telemetry import Message, Telemetry
-from dfvs_sim.vehicle.modes import Mode, mode_from_numbers
+from dfvs_sim.vehicle.modes import Mode, mode_from_custom, mode_from_numbers
 from dfvs_sim.vehicle.motion.flight import Flight
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.status import Status
@@ -23,6 +22,13 @@ ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 _FORCE = 21196
 _SECOND_ACK_NS = 8_000_000
 _CUSTOM_MODE = 1
+
+_FAULT_OK, _FAULT_OFF, _FAULT_WRONG = 0, 1, 4
+"""FAILURE_TYPE."""
+_EMPTY_BATTERY = 0.04
+_WRONG_FIX_M = 2.0
+_SILENCED = {0: (COMPANION, GROUND), 1: (COMPANION,), 2: (GROUND,)}
+"""Links that a fault of the MAVLink signal silences, by its instance."""
 
 _KINDS = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm_command",
@@ -107,8 +113,8 @@ class CommandHandler:
 
     def on_set_mode(self, message: Message, link: str, now_ns: int) -> list[Message]:
         """SET_MODE, the old message without an ack."""
-        numbers = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
-        mode = mode_from_numbers(*numbers) if message.base_mode & _CUSTOM_MODE else None
+        is_custom = message.base_mode & _CUSTOM_MODE
+        mode = mode_from_custom(message.custom_mode) if is_custom else None
         result = self._set_mode(mode, now_ns)
         name = mode.name if mode else None
         self._px4.record(
@@ -164,11 +170,33 @@ class CommandHandler:
         return lambda params, link, now_ns: self._send_once(name, link, now_ns)
 
     def _inject_failure(self, params: Params, link: str, now_ns: int) -> int:
+        """Faults on demand, as PX4's simulation offers them; SYS_FAILURE_EN must be 1.
+
+        Three of PX4's units are known. OFF empties the battery. GPS OFF ends the position
+        estimate, and WRONG shifts it to the north. OFF of the MAVLink signal silences links in
+        both directions. OK repairs each, but takes back no shift.
+        """
         px4 = self._px4
         if px4.parameters["SYS_FAILURE_EN"] != 1:
             return DENIED
-        known = faults.inject(params, px4.status, px4.flight, px4.links)
-        return ACCEPTED if known else UNSUPPORTED
+        if not all(math.isfinite(p) for p in params[:3]):
+            return UNSUPPORTED
+        unit, kind, instance = (int(p) for p in params[:3])
+        is_switch = kind in (_FAULT_OK, _FAULT_OFF)
+        if unit == mavlink.FAILURE_UNIT_SYSTEM_BATTERY and is_switch:
+            px4.status.battery = _EMPTY_BATTERY if kind == _FAULT_OFF else 1.0
+        elif unit == mavlink.FAILURE_UNIT_SENSOR_GPS and is_switch:
+            px4.flight.estimate.valid = kind == _FAULT_OK
+        elif unit == mavlink.FAILURE_UNIT_SENSOR_GPS and kind == _FAULT_WRONG:
+            px4.flight.estimator.reset_position(_WRONG_FIX_M, 0.0, 0.0)
+        elif unit == mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL and is_switch:
+            if instance not in _SILENCED:
+                return UNSUPPORTED
+            for name in _SILENCED[instance]:
+                px4.links[name].dropped = kind == _FAULT_OFF
+        else:
+            return UNSUPPORTED
+        return ACCEPTED
 
     def _send_once(self, name: str, link: str, now_ns: int) -> int:
         if name not in self._px4.telemetry.builders:

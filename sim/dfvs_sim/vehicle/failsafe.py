@@ -41,18 +41,25 @@ def mode_refusal(
     """Why the mode cannot be flown now; None where it can."""
     if mode is Mode.MISSION:
         return Refusal.NO_MISSION
-    if mode.needs_manual_control and not status.sticks_live(now_ns, parameters["COM_RC_LOSS_T"]):
+    sticks_lost = _is_lost(status.manual_ns, now_ns, parameters["COM_RC_LOSS_T"])
+    if mode.needs_manual_control and sticks_lost:
         return Refusal.NO_STICKS
-    if mode is Mode.OFFBOARD and not status.setpoints_live(now_ns, parameters["COM_OF_LOSS_T"]):
+    setpoints_lost = _is_lost(status.setpoint_ns, now_ns, parameters["COM_OF_LOSS_T"])
+    if mode is Mode.OFFBOARD and setpoints_lost:
         return Refusal.NO_SETPOINTS
     if not status.estimator_ok and mode not in (Mode.MANUAL, Mode.STABILIZED, Mode.LAND):
         return Refusal.NO_ESTIMATE
     return None
 
 
+def _is_lost(received_ns: int | None, now_ns: int, timeout_s: float) -> bool:
+    """Whether nothing was received within the timeout."""
+    return received_ns is None or now_ns - received_ns >= timeout_s * NS_PER_S
+
+
 def arming_refusal(status: Status, parameters: ParameterTable, now_ns: int) -> Refusal | None:
     """Why the vehicle cannot be armed now; None where it can."""
-    if not status.armable():
+    if not (status.ready and status.estimator_ok):
         return Refusal.NOT_READY
     if status.intended.prevents_arming:
         return Refusal.MODE

@@ -25,11 +25,6 @@ class Mode(enum.Enum):
     TERMINATION = (10, 0)
 
     @property
-    def is_auto(self) -> bool:
-        """Whether the vehicle flies by itself, neither by sticks nor by setpoints."""
-        return self.value[0] == AUTO
-
-    @property
     def prevents_arming(self) -> bool:
         """Whether a vehicle on the ground cannot be armed in it."""
         return self in (Mode.LAND, Mode.RETURN, Mode.MISSION, Mode.TERMINATION)
@@ -50,7 +45,7 @@ class Mode(enum.Enum):
         if self is Mode.OFFBOARD:
             return _CUSTOM | ((_ARMED | _STABILIZE) if armed else 0)
         flags = _CUSTOM | (_ARMED if armed else 0)
-        if self.is_auto:
+        if self.value[0] == AUTO:
             return flags | _AUTO_FLAG | _GUIDED | _STABILIZE
         if self in (Mode.MANUAL, Mode.TERMINATION):
             return flags | _MANUAL

@@ -1,11 +1,15 @@
 """PX4's parameters: those that change how this vehicle behaves, with PX4's defaults and types.
 
-On the wire an integer travels as its bytes inside the float field (bytewise encoding).
+On the wire an integer travels as its bytes inside the float field (bytewise encoding). An unknown
+name is met with silence; every write is answered with the value that is now held.
 """
 
 import math
 import struct
 from collections.abc import Mapping
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.dynamics.control import Gains
 
@@ -72,28 +76,36 @@ class ParameterTable(dict[str, Value]):
         super().__init__(sorted({**DEFAULTS, **changed}.items()))
         self.names: tuple[str, ...] = tuple(self)
 
-    def kind(self, name: str) -> int:
+    def value_message(self, name: str) -> Any:
+        """PARAM_VALUE of a known parameter."""
+        value, kind = self[name], self._kind(name)
+        if kind == INT32:
+            value = struct.unpack("<f", struct.pack("<i", value))[0]
+        return mavlink.MAVLink_param_value_message(
+            name.encode(), value, kind, len(self), self.names.index(name)
+        )
+
+    def read(self, message: Any) -> list[Any]:
+        """Answer PARAM_REQUEST_READ, by index where that is not negative, else by name."""
+        name, index = message.param_id, message.param_index
+        if index >= 0:
+            name = self.names[index] if index < len(self) else ""
+        return [self.value_message(name)] if name in self else []
+
+    def write(self, message: Any) -> list[Any]:
+        """Answer PARAM_SET; a wrong type or a value not finite changes nothing."""
+        name, value = message.param_id, message.param_value
+        if name not in self:
+            return []
+        if message.param_type == self._kind(name) == INT32:
+            self[name] = struct.unpack("<i", struct.pack("<f", value))[0]
+        elif message.param_type == self._kind(name) and math.isfinite(value):
+            self[name] = value
+        return [self.value_message(name)]
+
+    def _kind(self, name: str) -> int:
         """MAV_PARAM_TYPE of a known parameter."""
         return INT32 if isinstance(self[name], int) else REAL32
-
-    def on_wire(self, name: str) -> float:
-        """Value as PARAM_VALUE.param_value carries it."""
-        value = self[name]
-        if isinstance(value, int):
-            return float(struct.unpack("<f", struct.pack("<i", value))[0])
-        return value
-
-    def set_from_wire(self, name: str, wire_value: float, kind: int) -> bool:
-        """Take PARAM_SET's value; False for an unknown name, another type or a value not finite."""
-        if name not in self or kind != self.kind(name):
-            return False
-        if kind == INT32:
-            self[name] = struct.unpack("<i", struct.pack("<f", wire_value))[0]
-            return True
-        if not math.isfinite(wire_value):
-            return False
-        self[name] = wire_value
-        return True
 
     def gains(self) -> Gains:
         """Gains and limits of the position and velocity loops."""

@@ -19,7 +19,6 @@ from dfvs_sim.vehicle.failsafe import (
     mode_refusal,
     should_disarm,
 )
-from dfvs_sim.vehicle.messages import parameter_protocol
 from dfvs_sim.vehicle.messages.streams import RATES_HZ, LinkState, Schedule
 from dfvs_sim.vehicle.messages.telemetry import Message, Telemetry
 from dfvs_sim.vehicle.modes import Mode
@@ -62,7 +61,8 @@ class Px4:
         self.links = {name: LinkState(Schedule(RATES_HZ[name], now_ns)) for name in RATES_HZ}
         self._commands = CommandHandler(self)
         self._later: list[tuple[int, str, Message]] = []
-        self._time_ns = now_ns
+        self.time_ns = now_ns
+        """Monotonic time of the present state: the last whole step."""
         self._next_check_ns = now_ns
         self._handlers: dict[str, Callable[[Message, str, int], list[Message]]] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -71,17 +71,12 @@ class Px4:
             "SET_MODE": self._commands.on_set_mode,
             "COMMAND_LONG": self._commands.on_command,
             "COMMAND_INT": self._commands.on_command,
-            "PARAM_REQUEST_READ": self._on_param_read,
+            "PARAM_REQUEST_READ": lambda m, link, now_ns: self.parameters.read(m),
             "PARAM_REQUEST_LIST": self._on_param_list,
             "PARAM_SET": self._on_param_set,
             "PING": self._on_ping,
             "TIMESYNC": self._on_timesync,
         }
-
-    @property
-    def time_ns(self) -> int:
-        """Monotonic time of the present state: the last whole step."""
-        return self._time_ns
 
     # What comes in
 
@@ -129,17 +124,13 @@ class Px4:
         self.flight.navigator.sticks = sticks
         return []
 
-    def _on_param_read(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        return parameter_protocol.read(self.parameters, m)
-
     def _on_param_list(self, m: Message, link: str, now_ns: int) -> list[Message]:
         for i, name in enumerate(self.parameters.names):
-            message = parameter_protocol.value_message(self.parameters, name)
-            self.send_later(now_ns + i * STEP_NS, link, message)
+            self.send_later(now_ns + i * STEP_NS, link, self.parameters.value_message(name))
         return []
 
     def _on_param_set(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        answers = parameter_protocol.write(self.parameters, m)
+        answers = self.parameters.write(m)
         if answers:
             value = self.parameters[m.param_id]
             self.record(now_ns, "parameter", m, link, name=m.param_id, value=value)
@@ -214,11 +205,11 @@ class Px4:
 
     def step(self, now_ns: int) -> list[tuple[str, Message]]:
         """Advance to now in steps of ``STEP_NS``; returns (link, message) to be sent."""
-        while self._time_ns + STEP_NS <= now_ns:
-            self._time_ns += STEP_NS
-            if self._time_ns >= self._next_check_ns:
-                self._next_check_ns = self._time_ns + _CHECK_NS
-                self._supervise(self._time_ns)
+        while self.time_ns + STEP_NS <= now_ns:
+            self.time_ns += STEP_NS
+            if self.time_ns >= self._next_check_ns:
+                self._next_check_ns = self.time_ns + _CHECK_NS
+                self._supervise(self.time_ns)
             self._move()
         return self._outbox(now_ns)
 
@@ -251,11 +242,11 @@ class Px4:
         landed = self.flight.step(STEP_NS / NS_PER_S)
         if landed is not s.landed:
             s.landed = landed
-            s.landed_ns = self._time_ns
+            s.landed_ns = self.time_ns
             s.flew = s.flew or not landed
-            self._journal_state(self._time_ns, "landed" if landed else "lifted off")
+            self._journal_state(self.time_ns, "landed" if landed else "lifted off")
         if s.mode is Mode.TAKEOFF and self.flight.takeoff_is_over():
-            self.request_mode(Mode.HOLD, self._time_ns)
+            self.request_mode(Mode.HOLD, self.time_ns)
 
     def _journal_state(self, now_ns: int, cause: str) -> None:
         s = self.status
@@ -274,7 +265,7 @@ class Px4:
             if link.gcs_ns is not None and now_ns - link.gcs_ns < _GCS_TIMEOUT_NS:
                 out.extend((name, _statustext(text)) for text in texts)
             for kind in link.due(now_ns, self.status.published_ns):
-                message = self.telemetry.build(kind, self._time_ns)
+                message = self.telemetry.build(kind, self.time_ns)
                 if message is not None:
                     out.append((name, message))
         return [(name, message) for name, message in out if not self.links[name].dropped]

@@ -55,12 +55,10 @@ class Status:
     battery: float = 1.0
     estimator_ok: bool = True
     setpoint_ns: int | None = None
+    """When the last valid offboard setpoint came."""
     manual_ns: int | None = None
+    """When the pilot's last MANUAL_CONTROL came."""
     texts: list[str] = field(default_factory=list)
-
-    def armable(self) -> bool:
-        """Whether the checks before arming pass that hold for every mode."""
-        return self.ready and self.estimator_ok
 
     def landed_state(self) -> Landed:
         """EXTENDED_SYS_STATE.landed_state."""
@@ -79,11 +77,3 @@ class Status:
         if self.armed:
             return SystemStatus.ACTIVE
         return SystemStatus.STANDBY if self.can_arm else SystemStatus.UNINIT
-
-    def setpoints_live(self, now_ns: int, timeout_s: float) -> bool:
-        """Whether a valid offboard setpoint came within the timeout."""
-        return self.setpoint_ns is not None and now_ns - self.setpoint_ns < timeout_s * NS_PER_S
-
-    def sticks_live(self, now_ns: int, timeout_s: float) -> bool:
-        """Whether a pilot's MANUAL_CONTROL came within the timeout."""
-        return self.manual_ns is not None and now_ns - self.manual_ns < timeout_s * NS_PER_S

@@ -74,8 +74,7 @@ def obey(px4: Px4, intruder: Intruder, line: str, now_ns: int) -> bool:
     elif word == "battery":
         px4.status.battery = float(rest[0])
     elif word == "parameter":
-        wire = ParameterTable({rest[0]: float(rest[1])}).on_wire(rest[0])
-        px4.parameters.set_from_wire(rest[0], wire, px4.parameters.kind(rest[0]))
+        px4.parameters[rest[0]] = ParameterTable({rest[0]: float(rest[1])})[rest[0]]
     elif word == "intruder":
         intruder.right_m_s = float(rest[0])
     return word != "mute"

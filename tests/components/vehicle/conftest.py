@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from vehicle_process import Hovering, companion_connected, vehicle_running
+from vehicle_process import Hovering, companion_connected, linked_vehicle
 
-from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 
 
@@ -14,8 +13,7 @@ from dfvs_sim.ground.pilot import Pilot
 def airborne(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hovering]:
     folder = tmp_path_factory.mktemp("vehicle")
     with (
-        vehicle_running(folder, "--ready-after", "0.5", "--start", "5,6,-1,30") as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+        linked_vehicle(folder, "--ready-after", "0.5", "--start", "5,6,-1,30") as (vehicle, link),
         companion_connected(vehicle.companion_port) as system,
     ):
         pilot = Pilot(link)

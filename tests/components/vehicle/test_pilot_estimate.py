@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from vehicle_process import vehicle_running
+from vehicle_process import linked_vehicle
 
-from dfvs_sim.ground.link import GroundLink
-from dfvs_sim.ground.pilot import Pilot, PilotError, Timeouts
+from dfvs_sim.ground.pilot import Pilot, PilotError
 
 pytestmark = pytest.mark.real_time
 
@@ -14,11 +13,8 @@ pytestmark = pytest.mark.real_time
 @pytest.mark.slow
 def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path) -> None:
     said: list[str] = []
-    with (
-        vehicle_running(tmp_path, "--ready-after", "0.5", "--estimate", "high") as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
-    ):
-        pilot = Pilot(link, Timeouts(hover=8.0), said.append)
+    with linked_vehicle(tmp_path, "--ready-after", "0.5", "--estimate", "high") as (vehicle, link):
+        pilot = Pilot(link, said.append, hover_s=8.0)
         pilot.prepare()
         assert not pilot.is_flying()
         pilot.take_off(1.5)
@@ -35,20 +31,14 @@ def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path
 
 def test_what_is_set_already_is_not_told(tmp_path: Path) -> None:
     said: list[str] = []
-    with (
-        vehicle_running(tmp_path, "--ready-after", "0.5") as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
-    ):
+    with linked_vehicle(tmp_path, "--ready-after", "0.5") as (_, link):
         Pilot(link).prepare()
         Pilot(link, log=said.append).prepare()
     assert said == []
 
 
 def test_refused_arming_names_the_reason_and_the_parameters_that_may_help(tmp_path: Path) -> None:
-    with (
-        vehicle_running(tmp_path, "--ready-after", "60") as vehicle,
-        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
-    ):
+    with linked_vehicle(tmp_path, "--ready-after", "60") as (_, link):
         link.wait_for_vehicle(30.0)
         link.wait_for("HEARTBEAT", 30.0)
         with pytest.raises(PilotError) as refused:

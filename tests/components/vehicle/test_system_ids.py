@@ -17,20 +17,13 @@ pytestmark = pytest.mark.real_time
 
 def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
     port, companion_port = free_port(), free_port()
-    options = (
-        "--ready-after",
-        "0.5",
-        "--gcs-port",
-        str(port),
-        "--companion-port",
-        str(companion_port),
-    )
+    ports = ("--gcs-port", str(port), "--companion-port", str(companion_port))
     one, two = tmp_path / "one", tmp_path / "two"
     one.mkdir()
     two.mkdir()
     with (
-        vehicle_running(one, *options, "--system-id", "1") as first,
-        vehicle_running(two, *options, "--system-id", "2") as second,
+        vehicle_running(one, *ports, "--ready-after", "0.5", "--system-id", "1") as first,
+        vehicle_running(two, *ports, "--ready-after", "0.5", "--system-id", "2") as second,
     ):
         with (
             GroundLink(f"udpin://127.0.0.1:{port}") as link,

@@ -1,11 +1,10 @@
 """The vehicle process as real MAVSDK 4 sees it, with a pilot on the other link."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time
 from collections import defaultdict
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from mavsdk.plugins.telemetry import FlightMode, Telemetry
 from vehicle_process import Hovering, companion_connected, vehicle_running
 from waiting import until
 
+from dfvs_sim.demo.flight.flight import running
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import PoseTracker
 
@@ -40,26 +40,17 @@ def body_velocity(vx: float, yaw_rate: float = 0.0) -> MavlinkMessage:
     return MavlinkMessage("SET_POSITION_TARGET_LOCAL_NED", 0, 0, 1, 1, json.dumps(fields))
 
 
-class Streaming:
-    """Sends a setpoint at 20 Hz from a thread of its own."""
+def streaming(
+    direct: MavlinkDirect, vx: float = 0.0, yaw_rate: float = 0.0
+) -> AbstractContextManager[None]:
+    """Setpoints at 20 Hz from a thread of their own."""
+    message = body_velocity(vx, yaw_rate)
 
-    def __init__(self, direct: MavlinkDirect, vx: float = 0.0, yaw_rate: float = 0.0) -> None:
-        self._direct = direct
-        self._message = body_velocity(vx, yaw_rate)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+    def send(stop: threading.Event) -> None:
+        while not stop.wait(0.05):
+            direct.send_message(message)
 
-    def _run(self) -> None:
-        while not self._stop.wait(0.05):
-            self._direct.send_message(self._message)
-
-    def __enter__(self) -> Streaming:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
+    return running(send, "streaming")
 
 
 def test_health_becomes_good_and_arming_is_denied_before(tmp_path: Path) -> None:
@@ -152,14 +143,13 @@ def test_the_tracked_pose_is_the_true_pose_while_moving(hovering: Hovering) -> N
     direct, tracker = MavlinkDirect(hovering.system), PoseTracker(hovering.link)
     tracker.start()
     tracked = []
-    with Streaming(direct):
+    with streaming(direct):
         time.sleep(0.3)
         hovering.pilot.engage_offboard()
-    with Streaming(direct, vx=0.5, yaw_rate=0.35):
+    with streaming(direct, vx=0.5, yaw_rate=0.35):
         for _ in range(60):
             time.sleep(0.02)
             tracked.append(tracker.pose_at(time.monotonic_ns() - 40_000_000))
-    tracker.close()
     direct.destroy()
     truth = {e["t_ns"]: e for e in hovering.vehicle.events("pose")}
     stamps = sorted(truth)

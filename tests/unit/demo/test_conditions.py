@@ -5,12 +5,7 @@ import argparse
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.conditions import (
-    Conditions,
-    add_condition_options,
-    conditions_from,
-    refuse_conditions,
-)
+from dfvs_sim.demo.conditions import Conditions, add_condition_options, conditions_from
 
 
 def args(*words):
@@ -30,9 +25,3 @@ def test_a_real_estimate_is_the_default():
 def test_what_the_vehicle_would_refuse_is_refused_at_once(words, message):
     with pytest.raises(ConfigError, match=message):
         Conditions(*words)
-
-
-def test_nothing_is_simulated_beside_another_autopilot():
-    refuse_conditions(args(), "--autopilot")
-    with pytest.raises(ConfigError, match="--wind beside --autopilot"):
-        refuse_conditions(args("--wind", "calm"), "--autopilot")

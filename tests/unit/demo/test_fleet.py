@@ -1,23 +1,14 @@
 """Several vehicles at a time, as far as nothing flies."""
 
-import pytest
-
-from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
+from dfvs_sim.demo.fleet import Member, fly_together
 from dfvs_sim.demo.image_size import is_shared, measured_size
-from dfvs_sim.demo.results.table import flight_table
+from dfvs_sim.demo.results.summary import flight_table
 
 
 def member(folder, number, *words):
     path = folder / f"vehicle-{number}"
     path.mkdir()
     return Member(f"drone-{number}", number, 10 + number, path, words)
-
-
-@pytest.mark.parametrize("count", [0, 5, -1])
-def test_other_numbers_of_vehicles_are_refused(count):
-    with pytest.raises(ConfigError, match=f"--vehicles is {count}.*1 to 4"):
-        check_vehicles(count)
 
 
 def test_what_belongs_to_a_member_counts_before_the_words_of_all(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tiny_scenes import scene_of, wall
 
-from dfvs_sim.demo.floor import floor_below, take_off_from_floor
+from dfvs_sim.demo.plan import take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -27,13 +27,10 @@ def point(down_m, north_m=0.0):
     return np.array([north_m, 0.0, down_m])
 
 
-def test_the_floor_is_found_below_a_point():
-    assert floor_below(scene(level(FLOOR_M, 5.0)), point(-1.0)) == pytest.approx(FLOOR_M, abs=1e-3)
-
-
 def test_a_table_is_no_floor():
     room = scene(level(FLOOR_M, 5.0), level(TABLE_M, 0.6))
-    assert floor_below(room, point(-1.2)) == pytest.approx(FLOOR_M, abs=0.01)
+    take_off = take_off_from_floor(room, [point(-1.2)])
+    assert take_off.height_m == pytest.approx(1.2 + FLOOR_M, abs=0.01)
 
 
 def test_the_take_off_is_the_start_s_height_above_the_floor():

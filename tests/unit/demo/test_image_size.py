@@ -8,11 +8,11 @@ from dfvs_sim.demo.image_size import affordable_size, match_ms
 @pytest.mark.parametrize(
     ("taken_ms", "size"),
     [
-        (5.0, (320, 240)),
-        (28.0, (320, 240)),
-        (28.1, (256, 192)),
-        (40.1, (192, 144)),
-        (1e3, (192, 144)),
+        (5.0, "320x240"),
+        (28.0, "320x240"),
+        (28.1, "256x192"),
+        (40.1, "192x144"),
+        (1e3, "192x144"),
     ],
 )
 def test_a_slower_machine_gets_smaller_pictures(taken_ms, size):

@@ -1,25 +1,28 @@
 """Both links of a flight lead to the same vehicle."""
 
-import contextlib
 import socket
 import threading
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_process import free_port
 
+from dfvs_sim.demo.flight.flight import running
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.ground.systems import LinkError
 
 
-@contextlib.contextmanager
-def autopilots(port: int, *systems: int) -> Iterator[None]:
-    """Heartbeats of these systems to a port, ten times a second."""
-    stop = threading.Event()
+@pytest.fixture(autouse=True)
+def quick_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dfvs_sim.ground.systems.HEARTBEATS_S", 0.5)
 
-    def beat() -> None:
+
+def autopilots(port: int, *systems: int) -> AbstractContextManager[None]:
+    """Heartbeats of these systems to a port, ten times a second."""
+
+    def beat(stop: threading.Event) -> None:
         packers = [mavlink.MAVLink(None, number, 1) for number in systems]
         message = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -27,13 +30,7 @@ def autopilots(port: int, *systems: int) -> Iterator[None]:
                 for packer in packers:
                     sock.sendto(message.pack(packer), ("127.0.0.1", port))
 
-    thread = threading.Thread(target=beat)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
+    return running(beat, "autopilots")
 
 
 def options(port: int, system_id: int | None = None) -> FlightOptions:

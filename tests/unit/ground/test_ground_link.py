@@ -1,71 +1,30 @@
 """Whom the ground-station link listens to, and how it shows the vehicle's texts."""
 
-from __future__ import annotations
-
-import socket
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from autopilot_socket import Autopilot
 from pymavlink.dialects.v20 import development as mavlink
 from waiting import until
 
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.systems import LinkError
 
-PX4_HEARTBEAT = (mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3)
-
-
-class Autopilot:
-    """An autopilot's UDP socket that sends to a ground station's port."""
-
-    def __init__(self, system: int, port: int) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
-        self._socket.settimeout(2.0)
-        self._peer = ("127.0.0.1", port)
-        self._mav = mavlink.MAVLink(None, system, mavlink.MAV_COMP_ID_AUTOPILOT1)
-
-    def __enter__(self) -> Autopilot:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.close()
-
-    def send(self, message: Any) -> None:
-        self._socket.sendto(message.pack(self._mav), self._peer)
-
-    def beat(self) -> None:
-        self.send(mavlink.MAVLink_heartbeat_message(*PX4_HEARTBEAT))
-
-    def hears_something(self) -> bool:
-        try:
-            return bool(self._socket.recvfrom(65535))
-        except TimeoutError:
-            return False
-
-
-@pytest.fixture
-def link() -> Iterator[GroundLink]:
-    with GroundLink("udpin://127.0.0.1:0") as link:
-        yield link
-
 
 def text(words: str, number: int = 0, chunk: int = 0) -> Any:
     return mavlink.MAVLink_statustext_message(6, words.encode(), number, chunk)
 
 
-def test_the_only_vehicle_on_the_link_is_ours(link: GroundLink) -> None:
-    with Autopilot(7, link.port) as vehicle:
-        vehicle.beat()
-        link.wait_for_vehicle(20.0)
-        assert link.target == 7
+def test_the_only_vehicle_on_the_link_is_ours(link: GroundLink, autopilot: Autopilot) -> None:
+    autopilot.beat()
+    link.wait_for_vehicle(20.0)
+    assert link.target == 7
 
 
-def test_two_vehicles_are_an_error_that_names_both(link: GroundLink) -> None:
-    with Autopilot(7, link.port) as first, Autopilot(3, link.port) as second:
-        first.beat()
+def test_two_vehicles_are_an_error_that_names_both(link: GroundLink, autopilot: Autopilot) -> None:
+    with Autopilot(3, link.port) as second:
+        autopilot.beat()
         second.beat()
         with pytest.raises(LinkError, match="3 and 7"):
             link.wait_for_vehicle(20.0)
@@ -92,10 +51,10 @@ def test_a_vehicle_with_another_system_id_is_named_in_the_error() -> None:
 
 
 def test_a_vehicle_that_appears_later_does_not_disturb_the_one_that_is_flown(
-    link: GroundLink,
+    link: GroundLink, autopilot: Autopilot
 ) -> None:
-    with Autopilot(7, link.port) as first, Autopilot(3, link.port) as second:
-        first.beat()
+    with Autopilot(3, link.port) as second:
+        autopilot.beat()
         link.wait_for_vehicle(20.0)
         second.beat()
         time.sleep(0.1)
@@ -119,20 +78,18 @@ def test_a_link_whose_network_sends_nothing_goes_on() -> None:
     ],
 )
 def test_texts_are_shown_without_control_characters(
-    link: GroundLink, sent: str, shown: str
+    link: GroundLink, autopilot: Autopilot, sent: str, shown: str
 ) -> None:
-    with Autopilot(1, link.port) as vehicle:
-        vehicle.beat()
-        vehicle.send(text(sent))
-        assert until(lambda: bool(link.texts), 2.0)
-        assert link.texts[-1][1] == shown
+    autopilot.beat()
+    autopilot.send(text(sent))
+    assert until(lambda: bool(link.texts), 2.0)
+    assert link.texts[-1][1] == shown
 
 
-def test_a_text_in_chunks_is_shown_as_one(link: GroundLink) -> None:
+def test_a_text_in_chunks_is_shown_as_one(link: GroundLink, autopilot: Autopilot) -> None:
     long = "Preflight Fail: Compass sensor 0 missing, and another one too\t"
-    with Autopilot(1, link.port) as vehicle:
-        vehicle.beat()
-        vehicle.send(text(long[:50], number=9, chunk=0))
-        vehicle.send(text(long[50:], number=9, chunk=1))
-        assert until(lambda: bool(link.texts) and link.texts[-1][1].endswith("too"), 2.0)
-        assert [words for _, words in link.texts] == [long.strip()]
+    autopilot.beat()
+    autopilot.send(text(long[:50], number=9, chunk=0))
+    autopilot.send(text(long[50:], number=9, chunk=1))
+    assert until(lambda: bool(link.texts) and link.texts[-1][1].endswith("too"), 2.0)
+    assert [words for _, words in link.texts] == [long.strip()]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.ground.pilot import Pilot, PilotError, Timeouts
+from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.vehicle.modes import Mode
 
 GROUND_M = 0.3
@@ -30,7 +30,7 @@ class ClimbingVehicle:
         return 0
 
     def latest(self, name: str) -> Any:
-        return Message(message=self.wait_for(name, 0.0))
+        return self.wait_for(name, 0.0)
 
     def wait_for(
         self,
@@ -50,8 +50,7 @@ class ClimbingVehicle:
 
 def test_it_is_that_above_where_the_vehicle_stands() -> None:
     vehicle = ClimbingVehicle()
-    timeouts = Timeouts(hover=0.01)
     with pytest.raises(PilotError, match="come to rest"):  # a window of rest takes longer
-        Pilot(vehicle, timeouts).take_off(1.5)  # type: ignore[arg-type]
+        Pilot(vehicle, hover_s=0.01).take_off(1.5)  # type: ignore[arg-type]
     assert vehicle.altitude_m == pytest.approx(100.0 + 0.1 - GROUND_M + 1.5)
     assert vehicle.down_m == pytest.approx(GROUND_M - 1.5)

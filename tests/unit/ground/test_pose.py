@@ -1,7 +1,6 @@
 """Poses at a time of this machine's clock, from telemetry with the vehicle's stamps."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,9 +18,8 @@ BOOT_NS = 7_000_000_000
 
 
 @pytest.fixture
-def tracker() -> Iterator[PoseTracker]:
-    with GroundLink("udpin://127.0.0.1:0") as link:
-        yield PoseTracker(link)
+def tracker(link: GroundLink) -> PoseTracker:
+    return PoseTracker(link)
 
 
 def place(ms: int, x: float, vx: float = 0.0) -> mavlink.MAVLink_message:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import VehicleInHand, hovering, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
@@ -18,6 +18,8 @@ from dfvs_sim.vehicle.messages.streams import GROUND
 from dfvs_sim.vehicle.modes import Mode
 
 DELAY_NS = 1_000_000
+AHEAD_NS = 100_000_000
+"""Time by which a pose is extrapolated with the velocity."""
 TRUTH = "HIL_STATE_QUATERNION"
 
 
@@ -114,10 +116,8 @@ def errors(
 
 
 def test_the_poses_are_the_true_ones_whatever_the_estimate() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     tracker, link = tracked(vehicle)
-    assert tracker.is_truth
     wrong_m = errors(tracker, link, 10.0)
     # the message's intervals are 11, 8 and 1 mm wide; the way of a few ms comes on top
     assert np.abs(wrong_m).max() < 0.015
@@ -130,8 +130,7 @@ def test_the_poses_are_the_true_ones_whatever_the_estimate() -> None:
 
 @pytest.mark.parametrize("wind", [WindGrade.CALM, WindGrade.WINDY])
 def test_the_resolution_does_not_make_the_camera_tremble(wind: WindGrade) -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.LOW, wind=wind)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.LOW, wind=wind)
     tracker, link = tracked(vehicle)
     link.run(0.5, setpoint())
     assert link.command(176, 1.0, *Mode.OFFBOARD.value) == 0
@@ -145,26 +144,25 @@ def test_the_resolution_does_not_make_the_camera_tremble(wind: WindGrade) -> Non
 
 
 def test_the_velocity_is_finer_than_the_messages() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.LOW)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.LOW)
     tracker, link = tracked(vehicle)
     wrong = []
     for _ in range(500):
         link.run(0.02)
-        body, pose = vehicle.body, newest(tracker)
-        wrong.append(np.subtract(pose.velocity_m_s[:2], (body.v_north_m_s, body.v_east_m_s)))
+        now, later = newest(tracker), tracker.pose_at(newest(tracker).t_ns + AHEAD_NS)
+        assert later is not None
+        north, east, _ = np.subtract(later.position_m, now.position_m) / (AHEAD_NS * 1e-9)
+        wrong.append((north - vehicle.body.v_north_m_s, east - vehicle.body.v_east_m_s))
     # cut off to cm/s, a hover of this grade is told as rest: its 5 mm/s would be the error
     assert float(np.sqrt(np.mean(np.square(wrong[100:])))) < 0.002
 
 
 @pytest.mark.parametrize("sent", [True, False])
 def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     if not sent:
         del vehicle.px4.telemetry.builders[TRUTH]
     tracker, link = tracked(vehicle, lost=[TRUTH])
-    assert not tracker.is_truth
     link.run(2.0)
     e, pose = vehicle.px4.flight.estimate, newest(tracker)
     # a sample is up to 20 ms old, and moves at up to 0.5 m/s
@@ -172,8 +170,7 @@ def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
 
 
 def test_without_an_origin_the_estimated_position_places_the_truth() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     tracker, link = tracked(vehicle, lost=["GPS_GLOBAL_ORIGIN"])
     link.run(2.0)
     assert newest(tracker).position_m == pytest.approx(true_position(vehicle), abs=0.015)
@@ -185,8 +182,7 @@ def test_a_vehicle_without_a_pose_is_reported() -> None:
 
 
 def test_the_truth_is_asked_for_again_where_it_ends() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     tracker, link = tracked(vehicle)
     link.run(0.5)
     vehicle.px4.links[GROUND].schedule.set_interval(TRUTH, -1.0, vehicle.now_ns)  # a new start

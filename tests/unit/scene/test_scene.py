@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tiny_scenes import scene_of, wall
@@ -10,32 +12,26 @@ from dfvs_sim.scene.frames import (
     ned_from_gltf,
     ned_pose_from_gltf,
 )
-from dfvs_sim.scene.mesh import Scene, SceneError
+from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.poses import camera_pose, look_at
 from dfvs_sim.viewpoints.sampling import floor_of
 
+WALL = scene_of(wall(2.0))
+
 
 class TestAScene:
-    def test_refuses_indices_beyond_its_vertices(self):
-        good = scene_of(wall(2.0))
-        with pytest.raises(SceneError, match="expected 0 to 5"):
-            Scene(good.vertices, good.triangles + 1, good.uv, good.colours, good.texture_index)
-
-    def test_refuses_textures_that_are_not_there(self):
-        good = scene_of(wall(2.0))
-        with pytest.raises(SceneError, match="texture indices"):
-            Scene(good.vertices, good.triangles, good.uv, good.colours, good.texture_index + 1)
-
-    def test_refuses_arrays_of_another_type(self):
-        good = scene_of(wall(2.0))
-        with pytest.raises(SceneError, match="float64"):
-            Scene(
-                good.vertices.astype(float),
-                good.triangles,
-                good.uv,
-                good.colours,
-                good.texture_index,
-            )
+    @pytest.mark.parametrize(
+        ("wrong", "match"),
+        [
+            ({"triangles": WALL.triangles + 1}, "expected 0 to 5"),
+            ({"texture_index": WALL.texture_index + 1}, "texture indices"),
+            ({"vertices": WALL.vertices.astype(float)}, "float64"),
+        ],
+        ids=["vertices that are not there", "textures that are not there", "another type"],
+    )
+    def test_refuses_arrays_that_do_not_fit_together(self, wrong, match):
+        with pytest.raises(SceneError, match=match):
+            replace(WALL, **wrong)
 
     def test_is_bounded_by_the_vertices_in_use(self):
         low, high = scene_of(wall(2.0, 1.0, 3.0)).bounds
@@ -53,7 +49,7 @@ class TestAScene:
 
     def test_without_anything_level_has_no_floor(self):
         with pytest.raises(SceneError, match="no level surface"):
-            floor_of(scene_of(wall(2.0)))
+            floor_of(WALL)
 
 
 class TestTheTwoFrames:

@@ -18,26 +18,29 @@ from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
 
 
+def goal_sidecar(folder, *words):
+    """Sidecar that is written beside goal.png."""
+    assert run_subcommand(goal, *words, "--out", folder / "goal.png") == 0
+    return GoalSidecar.from_json((folder / "goal.json").read_text())
+
+
 class TestGoal:
     def test_writes_what_the_camera_sees_and_how_it_stood(self, tmp_path):
-        out = tmp_path / "goal.png"
         words = ["--pose", "0.5,-1,-1.3,40", "--size", "160x120", "--fov", "60"]
-        assert run_subcommand(goal, *words, "--out", str(out)) == 0
-        sidecar = GoalSidecar.from_json((tmp_path / "goal.json").read_text())
+        sidecar = goal_sidecar(tmp_path, *words)
         assert sidecar.camera.size == (160, 120)
         assert sidecar.camera.fx == pytest.approx(80 / np.tan(np.radians(30)))
         assert (sidecar.roll_rad, sidecar.pitch_rad) == pytest.approx((0, 0), abs=1e-12)
         pose = np.array(sidecar.pose_camera).reshape(4, 4)
         np.testing.assert_allclose(pose, camera_pose((0.5, -1.0, -1.3), np.radians(40)))
         expected = Renderer(load_glb(builtin_room_path())).render(sidecar.camera, pose).image
-        np.testing.assert_array_equal(decode_image(out.read_bytes()), expected)
+        np.testing.assert_array_equal(decode_image((tmp_path / "goal.png").read_bytes()), expected)
         assert sorted(p.name for p in tmp_path.iterdir()) == ["goal.json", "goal.png"]
 
     def test_takes_points_in_the_axes_of_the_file(self, tmp_path):
         # file (-1, 1.3, -0.5) is 0.5 m north, 1 m west, 1.3 m up; the target is south-east of it
         words = ["--eye=-1,1.3,-0.5", "--look-at", "0,1.3,0.5", "--size", "64x48"]
-        assert run_subcommand(goal, *words, "--out", str(tmp_path / "g.png")) == 0
-        sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
+        sidecar = goal_sidecar(tmp_path, *words)
         pose = np.array(sidecar.pose_camera).reshape(4, 4)
         np.testing.assert_allclose(
             pose, camera_pose((0.5, -1.0, -1.3), np.radians(135)), atol=1e-12
@@ -45,9 +48,7 @@ class TestGoal:
 
     def test_notes_the_pitch_of_a_view_that_looks_down(self, tmp_path):
         words = ["--eye", "0,1.5,0", "--look-at", "0,0.5,-1", "--size", "64x48"]
-        run_subcommand(goal, *words, "--out", str(tmp_path / "g.png"))
-        sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
-        assert sidecar.pitch_rad == pytest.approx(-np.pi / 4)
+        assert goal_sidecar(tmp_path, *words).pitch_rad == pytest.approx(-np.pi / 4)
 
     @pytest.mark.parametrize(
         ("words", "match"),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import VehicleInHand, hovering, in_offboard, setpoint
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
@@ -20,13 +20,6 @@ MOTION = (
 )
 
 
-def correlation(process: FirstOrder | SecondOrder, lag_s: float) -> tuple[float, float]:
-    """Deviation and autocorrelation at a lag, over 4000 s."""
-    x = np.array([process.step(DT_S) for _ in range(1_000_000)])
-    k = round(lag_s / DT_S)
-    return float(x.std()), float(np.mean(x[:-k] * x[k:]) / np.mean(x * x))
-
-
 def motion(thing: Any) -> list[float]:
     return [getattr(thing, name) for name in MOTION]
 
@@ -37,24 +30,23 @@ def airborne() -> Quadrotor:
     return vehicle
 
 
-def test_a_second_order_process_is_smooth_and_has_its_size_and_time() -> None:
-    process = SecondOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
-    sd, share = correlation(process, 1.5)
+@pytest.mark.parametrize(
+    ("kind", "share", "tolerance"),
+    [(FirstOrder, 1.0 / math.e, 0.07), (SecondOrder, 2.0 / math.e, 0.05)],
+)
+def test_a_process_has_its_size_and_its_autocorrelation_after_its_time(
+    kind: type[FirstOrder | SecondOrder], share: float, tolerance: float
+) -> None:
+    process = kind(0.2, 1.5, normal_source(np.random.default_rng(0)))
+    x = np.array([process.step(DT_S) for _ in range(1_000_000)])
+    k = round(1.5 / DT_S)
     # 4000 s are some 900 independent values: 3 sigma are 7 % of the deviation
-    assert sd == pytest.approx(0.2, rel=0.07)
-    assert share == pytest.approx(2.0 / math.e, abs=0.05)
-
-
-def test_a_first_order_process_has_its_size_and_time() -> None:
-    process = FirstOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
-    sd, share = correlation(process, 1.5)
-    assert sd == pytest.approx(0.2, rel=0.07)
-    assert share == pytest.approx(1.0 / math.e, abs=0.07)
+    assert x.std() == pytest.approx(0.2, rel=0.07)
+    assert np.mean(x[:-k] * x[k:]) / np.mean(x * x) == pytest.approx(share, abs=tolerance)
 
 
 def test_a_perfect_estimate_is_the_truth_to_the_last_bit() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.PERFECT)
-    vehicle.fly_offboard(setpoint(0.5, 0.2, 0.0, 0.3), 3.0)
+    vehicle = in_offboard(setpoint(0.5, 0.2, 0.0, 0.3), 3.0, estimate=EstimateGrade.PERFECT)
     assert motion(vehicle.px4.flight.estimate) == motion(vehicle.body)
 
 
@@ -80,8 +72,7 @@ def test_the_accuracy_that_is_claimed_does_not_tell_the_grade() -> None:
 
 
 def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
-    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
-    vehicle.take_off()
+    vehicle = hovering(estimate=EstimateGrade.HIGH)
     speeds = []
     for _ in range(300):
         vehicle.run(0.1)
@@ -90,14 +81,14 @@ def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
     assert 0.1 < float(np.sqrt(np.mean(np.square(speeds)))) < 0.4
 
 
-def test_a_body_velocity_goes_where_the_estimated_heading_points() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
-    vehicle.px4.flight.estimator.reset_heading(0.3)
-    vehicle.run(8.0)  # Hold turns the vehicle until the estimated heading is the old one
-    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)
-    vehicle.run(0.5, setpoint())
-    vehicle.command(176, 1.0, 6.0)
+def test_a_body_velocity_goes_where_the_estimated_heading_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wrong = EstimateErrors(heading_bias_mean_deg=math.degrees(0.3))
+    monkeypatch.setitem(ERRORS, EstimateGrade.LOW, wrong)
+    to_north = setpoint(frame=1, mask=0x9C7, yaw=0.0)
+    vehicle = in_offboard(to_north, 8.0, estimate=EstimateGrade.LOW)
+    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)  # the estimate says north
     vehicle.run(3.0, setpoint(0.5))
     course = math.atan2(vehicle.body.v_east_m_s, vehicle.body.v_north_m_s)
     # forward is where the estimated heading points, north; the acceleration began 0.3 rad off
@@ -122,26 +113,19 @@ def test_a_wrong_tilt_is_flown_truly() -> None:
     assert (vehicle.roll_rad, vehicle.pitch_rad) == pytest.approx((-0.02, 0.03), abs=1e-3)
 
 
-def test_resets_shift_the_estimate_and_are_counted() -> None:
+def test_a_reset_shifts_the_estimate_for_good_and_is_counted() -> None:
     vehicle, estimator = Quadrotor(), Estimator(EstimateErrors(), np.random.default_rng(0))
     estimator.reset_position(2.0, 0.0, -1.0)
-    estimator.reset_velocity(0.5, 0.0, 0.0)
-    estimator.reset_heading(0.1)
-    e = estimator.update(DT_S, vehicle)
-    assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
-    assert e.v_north_m_s == pytest.approx(0.5, abs=0.01)
-    assert e.yaw_rad == pytest.approx(0.1)
-    assert e.resets == 3
-    for _ in range(1500):
+    for _ in range(2):
         e = estimator.update(DT_S, vehicle)
-    assert e.v_north_m_s == pytest.approx(0.0, abs=0.01)  # a wrong velocity does not last
-    assert e.north_m == 2.0
+        assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
+        assert e.resets == 1
 
 
 def test_a_reset_is_told_by_odometry() -> None:
     vehicle = VehicleInHand()
     vehicle.run(1.0)
-    vehicle.px4.flight.estimator.reset_heading(0.1)
+    vehicle.px4.flight.estimator.reset_position(1.0, 0.0, 0.0)
     vehicle.run(1.0)
     counters = [m.reset_counter for m in vehicle.received("ODOMETRY")]
     assert (counters[0], counters[-1]) == (0, 1)

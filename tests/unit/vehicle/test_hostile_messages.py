@@ -1,11 +1,12 @@
 """Whatever arrives, the vehicle neither falls over nor sends numbers that are no numbers."""
 
 import math
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import VehicleInHand, setpoint
+from vehicle_in_hand import hovering, in_offboard, setpoint
 
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts
@@ -61,8 +62,7 @@ def hostile_message(rng: np.random.Generator) -> Any:
 
 
 def test_a_storm_of_hostile_messages_is_survived(rng: np.random.Generator) -> None:
-    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
-    vehicle.take_off()
+    vehicle = hovering(parameters={"SYS_FAILURE_EN": 1})
     sender = mavlink.MAVLink(None, 1, 195)
     receiver = mavlink.MAVLink(None)
     receiver.robust_parsing = True
@@ -81,8 +81,7 @@ def test_a_storm_of_hostile_messages_is_survived(rng: np.random.Generator) -> No
 
 
 def test_after_extreme_setpoints_it_still_flies() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=3e38, vy=-3e38, vz=-3e38, yaw_rate=3e38), 2.0)
+    vehicle = in_offboard(setpoint(vx=3e38, vy=-3e38, vz=-3e38, yaw_rate=3e38), 2.0)
     vehicle.run(1.0, setpoint(frame=1, mask=0x9C7, yaw=3e38))
     vehicle.set_mode(Mode.HOLD)
     vehicle.run(12.0)
@@ -91,10 +90,12 @@ def test_after_extreme_setpoints_it_still_flies() -> None:
 
 
 def test_damaged_bytes_on_the_socket_are_skipped(rng: np.random.Generator) -> None:
-    link, peer = UdpLink("one", UdpPorts(0, 9)), UdpLink("two", UdpPorts(0, 9))
     packed = setpoint(vx=0.5).pack(mavlink.MAVLink(None, 1, 195))
-    address = ("127.0.0.1", link.port)
-    try:
+    with (
+        closing(UdpLink("one", UdpPorts(0, 9))) as link,
+        closing(UdpLink("two", UdpPorts(0, 9))) as peer,
+    ):
+        address = ("127.0.0.1", link.port)
         for _ in range(200):
             noise = bytes(rng.integers(0, 256, int(rng.integers(1, 60)), dtype=np.uint8))
             cut = packed[: int(rng.integers(1, len(packed)))]
@@ -104,7 +105,4 @@ def test_damaged_bytes_on_the_socket_are_skipped(rng: np.random.Generator) -> No
         for _ in range(20):  # a damaged length byte may swallow the packets after it
             peer.socket.sendto(packed, address)
         kinds = [m.get_type() for m in link.receive()]
-    finally:
-        link.close()
-        peer.close()
     assert "SET_POSITION_TARGET_LOCAL_NED" in kinds

@@ -5,21 +5,21 @@ import pytest
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom, mode_from_numbers
 
 
-def test_offboard_is_main_mode_6_in_the_third_byte() -> None:
-    assert Mode.OFFBOARD.custom_mode == 6 << 16
-
-
 @pytest.mark.parametrize(
-    ("mode", "sub"), [(Mode.TAKEOFF, 2), (Mode.HOLD, 3), (Mode.RETURN, 5), (Mode.LAND, 6)]
+    ("mode", "main", "sub"),
+    [
+        (Mode.POSITION, 3, 0),
+        (Mode.TAKEOFF, 4, 2),
+        (Mode.HOLD, 4, 3),
+        (Mode.RETURN, 4, 5),
+        (Mode.LAND, 4, 6),
+        (Mode.OFFBOARD, 6, 0),
+    ],
 )
-def test_auto_modes_are_main_mode_4_with_the_sub_mode_in_the_fourth_byte(
-    mode: Mode, sub: int
+def test_the_main_mode_is_in_the_third_byte_and_the_sub_mode_in_the_fourth(
+    mode: Mode, main: int, sub: int
 ) -> None:
-    assert mode.custom_mode == (4 << 16 | sub << 24)
-
-
-def test_position_is_main_mode_3() -> None:
-    assert Mode.POSITION.custom_mode == 3 << 16
+    assert mode.custom_mode == (main << 16 | sub << 24)
 
 
 def test_base_mode_has_px4s_values() -> None:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from vehicle_in_hand import ARM, VehicleInHand, setpoint, sticks
+from vehicle_in_hand import ARM, VehicleInHand, hovering, in_offboard, setpoint, sticks
 
 from dfvs_sim.vehicle.messages.streams import GROUND
 from dfvs_sim.vehicle.modes import Mode
@@ -13,15 +13,13 @@ ADVISED = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
 
 
 def test_offboard_without_setpoints_is_accepted_first_and_then_rejected() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     assert vehicle.set_mode(Mode.OFFBOARD) == [0, 1]
     assert vehicle.mode is Mode.HOLD
 
 
 def test_the_second_ack_follows_within_8_ms() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     delays = []
     for _ in range(20):
         vehicle.sent.clear()
@@ -34,16 +32,14 @@ def test_the_second_ack_follows_within_8_ms() -> None:
 
 
 def test_offboard_with_setpoints_is_entered_and_followed() -> None:
-    vehicle = VehicleInHand(yaw_rad=math.pi / 2)
-    vehicle.fly_offboard(setpoint(vx=0.5), 4.0)
+    vehicle = in_offboard(setpoint(vx=0.5), 4.0, yaw_rad=math.pi / 2)
     assert vehicle.mode is Mode.OFFBOARD
     assert vehicle.body.v_east_m_s == pytest.approx(0.42, abs=0.04)
     assert abs(vehicle.body.v_north_m_s) < 0.02
 
 
 def test_offboard_begins_with_a_stop_until_the_next_setpoint() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.run(0.5, setpoint(vx=1.0))
     vehicle.set_mode(Mode.OFFBOARD)
     vehicle.run(0.4)
@@ -52,8 +48,7 @@ def test_offboard_begins_with_a_stop_until_the_next_setpoint() -> None:
 
 
 def test_a_second_entry_does_not_follow_the_setpoint_of_the_first() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=1.0), 2.0)
+    vehicle = in_offboard(setpoint(vx=1.0), 2.0)
     vehicle.set_mode(Mode.HOLD)
     vehicle.run(8.0, setpoint(vx=1.0))
     vehicle.set_mode(Mode.OFFBOARD)
@@ -73,8 +68,7 @@ def test_arming_in_offboard_without_setpoints_is_refused() -> None:
 
 @pytest.mark.parametrize(("rate_hz", "stays"), [(1.25, True), (0.8, False)])
 def test_1_25_hz_keeps_offboard_alive_and_0_8_hz_does_not(rate_hz: float, stays: bool) -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 0.5)
+    vehicle = in_offboard(setpoint(), 0.5)
     failed = False
     for _ in range(8):
         vehicle.send(setpoint())
@@ -83,8 +77,7 @@ def test_1_25_hz_keeps_offboard_alive_and_0_8_hz_does_not(rate_hz: float, stays:
 
 
 def test_loss_is_met_by_return_to_launch_after_1_1_s_by_default() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0)
     vehicle.send(setpoint())
     seconds = vehicle.run_until(lambda: vehicle.mode is not Mode.OFFBOARD, 3.0)
     assert seconds == pytest.approx(1.05, abs=0.06)  # checked ten times a second
@@ -93,38 +86,31 @@ def test_loss_is_met_by_return_to_launch_after_1_1_s_by_default() -> None:
 
 
 @pytest.mark.parametrize(
-    ("action", "mode"),
+    ("action", "message", "mode"),
     [
-        (0, Mode.RETURN),
-        (1, Mode.RETURN),
-        (2, Mode.RETURN),
-        (3, Mode.RETURN),
-        (4, Mode.LAND),
-        (5, Mode.HOLD),
-        (6, Mode.TERMINATION),
+        (0, sticks(), Mode.POSITION),
+        (1, sticks(), Mode.ALTITUDE),
+        (2, sticks(), Mode.STABILIZED),
+        (0, None, Mode.RETURN),
+        (1, None, Mode.RETURN),
+        (2, None, Mode.RETURN),
+        (3, None, Mode.RETURN),
+        (4, None, Mode.LAND),
+        (5, None, Mode.HOLD),
+        (6, None, Mode.TERMINATION),
     ],
 )
-def test_each_loss_action_without_a_radio(action: int, mode: Mode) -> None:
-    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
-    vehicle.fly_offboard(setpoint(), 1.0)
-    vehicle.run(1.3)
-    assert vehicle.mode is mode
-
-
-@pytest.mark.parametrize(
-    ("action", "mode"), [(0, Mode.POSITION), (1, Mode.ALTITUDE), (2, Mode.STABILIZED)]
-)
-def test_loss_actions_by_stick_need_sticks(action: int, mode: Mode) -> None:
-    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
-    vehicle.fly_offboard(setpoint(), 1.0)
-    vehicle.run(1.3, sticks())
+def test_each_loss_action_with_sticks_where_it_needs_them_and_without(
+    action: int, message: Any, mode: Mode
+) -> None:
+    vehicle = in_offboard(setpoint(), 1.0, parameters={"COM_OBL_RC_ACT": action})
+    vehicle.run(1.3, message)
     assert vehicle.mode is mode
 
 
 @pytest.mark.parametrize("action", [0, 3, 4, 5])
 def test_without_a_position_the_loss_of_setpoints_ends_in_a_landing(action: int) -> None:
-    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": action})
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0, parameters={"COM_OBL_RC_ACT": action})
     vehicle.px4.flight.estimate.valid = False
     vehicle.run(0.2, setpoint())
     assert vehicle.mode is Mode.LAND
@@ -132,8 +118,7 @@ def test_without_a_position_the_loss_of_setpoints_ends_in_a_landing(action: int)
 
 
 def test_loss_action_7_disarms_in_the_air() -> None:
-    vehicle = VehicleInHand(parameters={"COM_OBL_RC_ACT": 7})
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0, parameters={"COM_OBL_RC_ACT": 7})
     vehicle.run(1.3)
     assert not vehicle.px4.status.armed
     vehicle.run(3.0)
@@ -141,8 +126,7 @@ def test_loss_action_7_disarms_in_the_air() -> None:
 
 
 def test_after_a_loss_at_speed_hold_brakes_as_measured() -> None:
-    vehicle = VehicleInHand(parameters=ADVISED)
-    vehicle.fly_offboard(setpoint(vx=1.9), 5.0)
+    vehicle = in_offboard(setpoint(vx=1.9), 5.0, parameters=ADVISED)
     speed = vehicle.body.v_north_m_s
     assert speed == pytest.approx(1.64, abs=0.06)
     vehicle.send(setpoint(vx=1.9))  # the last one before kill -9
@@ -154,8 +138,7 @@ def test_after_a_loss_at_speed_hold_brakes_as_measured() -> None:
 
 
 def test_resumed_setpoints_re_enter_offboard_without_a_command() -> None:
-    vehicle = VehicleInHand(parameters=ADVISED)
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0, parameters=ADVISED)
     vehicle.run(2.0)
     assert vehicle.mode is Mode.HOLD
     commands = [kind for _, kind, _ in vehicle.record].count("mode_command")
@@ -165,8 +148,7 @@ def test_resumed_setpoints_re_enter_offboard_without_a_command() -> None:
 
 
 def test_a_mode_command_during_the_failsafe_ends_re_entry() -> None:
-    vehicle = VehicleInHand(parameters=ADVISED)
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0, parameters=ADVISED)
     vehicle.run(1.0)
     vehicle.set_mode(Mode.HOLD)
     assert vehicle.px4.status.system_status() == 4
@@ -176,8 +158,7 @@ def test_a_mode_command_during_the_failsafe_ends_re_entry() -> None:
 
 @pytest.mark.parametrize(("vx", "vz"), [(math.nan, 0.0), (1.0, math.nan)])
 def test_nan_on_an_axis_stops_the_vehicle_and_keeps_offboard(vx: float, vz: float) -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=1.0), 3.0)
+    vehicle = in_offboard(setpoint(vx=1.0), 3.0)
     vehicle.run(4.0, setpoint(vx=vx, vz=vz))
     assert vehicle.mode is Mode.OFFBOARD
     assert vehicle.body.v_north_m_s < 0.15
@@ -196,16 +177,14 @@ def test_nan_on_an_axis_stops_the_vehicle_and_keeps_offboard(vx: float, vz: floa
     ids=["one axis ignored", "all axes NaN", "all ignored", "body position", "local position"],
 )
 def test_a_message_without_valid_axis_does_not_keep_offboard(message: Any, keeps: bool) -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0)
     vehicle.run(1.3, message)
     assert (vehicle.mode is Mode.OFFBOARD) == keeps
 
 
 @pytest.mark.parametrize("frame", [0, 7, 9, 12])
 def test_other_frames_are_rejected_with_a_text_to_the_ground_station_only(frame: int) -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0)
     vehicle.hear_ground_station()
     begin = vehicle.now_ns
     vehicle.run(1.3, setpoint(vx=1.0, frame=frame))
@@ -215,26 +194,22 @@ def test_other_frames_are_rejected_with_a_text_to_the_ground_station_only(frame:
 
 
 def test_without_yaw_and_yaw_rate_the_heading_is_held() -> None:
-    vehicle = VehicleInHand(yaw_rad=0.7)
-    vehicle.fly_offboard(setpoint(vx=0.5, mask=0x5C7 | 2048), 3.0)
+    vehicle = in_offboard(setpoint(vx=0.5, mask=0x5C7 | 2048), 3.0, yaw_rad=0.7)
     assert vehicle.body.yaw_rad == pytest.approx(0.7, abs=0.02)
 
 
 def test_ned_velocity_with_yaw_turns_to_that_heading() -> None:
-    vehicle = VehicleInHand(yaw_rad=1.0)
-    vehicle.fly_offboard(setpoint(frame=1, mask=0x9C7, yaw=0.0), 6.0)
+    vehicle = in_offboard(setpoint(frame=1, mask=0x9C7, yaw=0.0), 6.0, yaw_rad=1.0)
     assert vehicle.body.yaw_rad == pytest.approx(0.0, abs=0.02)
 
 
 def test_yaw_rate_is_limited_to_200_degrees_a_second() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(yaw_rate=20.0), 3.0)
+    vehicle = in_offboard(setpoint(yaw_rate=20.0), 3.0)
     assert math.degrees(vehicle.body.yaw_rate_rad_s) < 225.0  # with the loop's overshoot
 
 
 def test_speeds_are_limited() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=50.0, vz=-50.0), 8.0)
+    vehicle = in_offboard(setpoint(vx=50.0, vz=-50.0), 8.0)
     assert 10.0 < vehicle.body.v_north_m_s < 12.3
     assert -3.1 < vehicle.body.v_down_m_s < -2.8
     vehicle.run(4.0, setpoint(vz=50.0))

@@ -5,7 +5,7 @@ import struct
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import VehicleInHand
+from vehicle_in_hand import VehicleInHand, setpoint
 
 INT32, REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
 
@@ -73,8 +73,6 @@ def test_the_list_holds_every_parameter_once() -> None:
 
 
 def test_a_written_limit_is_flown() -> None:
-    from vehicle_in_hand import setpoint
-
     vehicle = VehicleInHand()
     vehicle.send(write("MPC_XY_VEL_MAX", 0.5, REAL32))
     vehicle.fly_offboard(setpoint(vx=5.0), 8.0)

@@ -5,7 +5,18 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import ARM, LAND, SET_MODE, START_NS, TAKEOFF, VehicleInHand, setpoint, sticks
+from vehicle_in_hand import (
+    ARM,
+    LAND,
+    SET_MODE,
+    START_NS,
+    TAKEOFF,
+    VehicleInHand,
+    hovering,
+    in_offboard,
+    setpoint,
+    sticks,
+)
 
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.modes import Mode
@@ -65,12 +76,13 @@ def test_in_offboard_on_the_ground_it_is_ready_to_arm_only_with_setpoints() -> N
     assert _readiness_told(vehicle, setpoint()) == (True, 3)
 
 
-@pytest.mark.parametrize("mode", [Mode.POSITION, Mode.LAND])
-def test_in_a_mode_that_cannot_be_armed_it_is_not_ready_to_arm(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [Mode.POSITION, Mode.LAND, Mode.RETURN])
+def test_in_a_mode_that_cannot_be_armed_it_is_not_ready_and_refuses(mode: Mode) -> None:
     vehicle = VehicleInHand()
     vehicle.run(2.0)
     vehicle.set_mode(mode)
     assert _readiness_told(vehicle) == (False, 0)
+    assert vehicle.command(ARM, 1.0) == [1]
     vehicle.set_mode(Mode.HOLD)
     assert _readiness_told(vehicle) == (True, 3)
 
@@ -83,17 +95,8 @@ def test_mode_changes_while_disarmed_are_always_accepted() -> None:
         assert vehicle.mode is mode
 
 
-@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RETURN])
-def test_arming_is_refused_in_modes_that_end_on_the_ground(mode: Mode) -> None:
-    vehicle = VehicleInHand()
-    vehicle.run(6.0)
-    vehicle.set_mode(mode)
-    assert vehicle.command(ARM, 1.0) == [1]
-
-
 def test_position_mode_needs_sticks_once_armed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     assert vehicle.set_mode(Mode.POSITION) == [0, 1]
     vehicle.run(0.1, sticks())
     assert vehicle.set_mode(Mode.POSITION) == [0, 0]
@@ -104,8 +107,7 @@ def test_position_mode_needs_sticks_once_armed() -> None:
 
 
 def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.run(0.1, sticks())
     vehicle.set_mode(Mode.POSITION)
     vehicle.px4.flight.estimate.valid = False
@@ -114,8 +116,7 @@ def test_without_a_position_the_loss_of_sticks_ends_in_a_landing() -> None:
 
 
 def test_sticks_fly_it_in_position_mode() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.run(0.1, sticks())
     vehicle.set_mode(Mode.POSITION)
     vehicle.run(3.0, sticks(forward=0.1))
@@ -125,8 +126,7 @@ def test_sticks_fly_it_in_position_mode() -> None:
 
 
 def test_a_pilot_takes_over_from_offboard_while_setpoints_go_on() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=0.5), 2.0)
+    vehicle = in_offboard(setpoint(vx=0.5), 2.0)
     vehicle.send(sticks(), GROUND)
     vehicle.send(
         mavlink.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 3, 0, 0, 0, 0, 0), GROUND
@@ -150,9 +150,10 @@ def test_a_mode_that_does_not_exist_is_rejected() -> None:
 
 
 def test_disarming_in_the_air_is_refused_unless_forced() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
+    vehicle.hear_ground_station()
     assert vehicle.command(ARM, 0.0) == [1]
+    assert vehicle.received("STATUSTEXT", GROUND)[-1].text == "Disarming denied: not landed"
     assert vehicle.px4.status.armed
     assert vehicle.command(ARM, 0.0, 21196.0) == [0]
     assert not vehicle.px4.status.armed
@@ -167,8 +168,7 @@ def test_it_disarms_10_s_after_arming_without_take_off() -> None:
 
 
 def test_take_off_climbs_to_the_altitude_above_sea_level_and_then_holds() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off(height_m=3.0)
+    vehicle = hovering()
     vehicle.run(5.0)
     assert vehicle.mode is Mode.HOLD
     assert vehicle.px4.config.ground_m - vehicle.body.down_m == pytest.approx(3.0, abs=0.05)
@@ -185,8 +185,7 @@ def test_take_off_without_an_altitude_uses_the_parameter() -> None:
 
 
 def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off(height_m=5.0)
+    vehicle = hovering(height_m=5.0)
     assert vehicle.command(LAND) == [0]
     seconds = vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert seconds == pytest.approx(14.0, abs=1.5)
@@ -196,8 +195,7 @@ def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
 
 
 def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     vehicle.command(LAND)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert vehicle.mode is Mode.HOLD
@@ -205,8 +203,7 @@ def test_after_landing_the_last_mode_that_can_be_armed_is_selected_again() -> No
 
 
 def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(), 1.0)
+    vehicle = in_offboard(setpoint(), 1.0)
     vehicle.command(LAND)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
     assert vehicle.mode is Mode.OFFBOARD
@@ -216,8 +213,7 @@ def test_after_a_landing_from_offboard_it_shows_offboard_and_cannot_be_armed() -
 
 
 def test_return_flies_home_and_lands_there() -> None:
-    vehicle = VehicleInHand()
-    vehicle.fly_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
+    vehicle = in_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
     assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) > 4.0
     vehicle.set_mode(Mode.RETURN)
     vehicle.run_until(lambda: not vehicle.px4.status.armed, 60.0)
@@ -225,8 +221,7 @@ def test_return_flies_home_and_lands_there() -> None:
 
 
 def test_hold_stops_and_keeps_the_place() -> None:
-    vehicle = VehicleInHand(wind_east_m_s=1.0)
-    vehicle.fly_offboard(setpoint(vx=1.0), 4.0)
+    vehicle = in_offboard(setpoint(vx=1.0), 4.0, wind_east_m_s=1.0)
     vehicle.set_mode(Mode.HOLD)
     vehicle.run(6.0)
     here = vehicle.body.north_m, vehicle.body.east_m
@@ -286,8 +281,7 @@ def test_ping_and_timesync_are_answered() -> None:
 
 
 def test_home_is_where_it_was_armed() -> None:
-    vehicle = VehicleInHand(ground_m=0.3)
-    vehicle.take_off()
+    vehicle = hovering(ground_m=0.3)
     home = vehicle.received("HOME_POSITION")[-1]
     assert home.z == pytest.approx(0.3)
     assert home.altitude == pytest.approx(1000 * (488.0 - 0.3), abs=1)
@@ -306,11 +300,9 @@ def test_home_is_where_it_was_armed() -> None:
     ("unit", "kind", "name"), [(100, 1, "battery"), (4, 1, "estimate"), (4, 4, "jump")]
 )
 def test_faults_are_injected_only_where_enabled(unit: int, kind: int, name: str) -> None:
-    vehicle = VehicleInHand()
-    vehicle.take_off()
+    vehicle = hovering()
     assert vehicle.command(420, unit, kind, 0.0) == [2]
-    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
-    vehicle.take_off()
+    vehicle = hovering(parameters={"SYS_FAILURE_EN": 1})
     before = vehicle.px4.flight.estimate.north_m
     assert vehicle.command(420, unit, kind, 0.0) == [0]
     vehicle.run(0.2)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from vehicle_in_hand import VehicleInHand
+from vehicle_in_hand import hovering
 
 from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
 
@@ -40,8 +40,7 @@ def test_the_seed_draws_the_direction() -> None:
 
 
 def test_a_vehicle_in_hold_leans_against_the_wind() -> None:
-    vehicle = VehicleInHand(wind=WindGrade.WINDY)
-    vehicle.take_off()
+    vehicle = hovering(wind=WindGrade.WINDY)
     assert math.hypot(vehicle.body.wind_north_m_s, vehicle.body.wind_east_m_s) > 1.0
     assert math.hypot(vehicle.body.roll_rad, vehicle.body.pitch_rad) > 0.05
     assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) < 2.0

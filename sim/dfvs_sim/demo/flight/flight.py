@@ -14,24 +14,27 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
-from dfvs_sim.demo.flight.camera_poses import FlightError, anchored_poses
 from dfvs_sim.demo.flight.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
 from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.flight.processes import FlightProcesses
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track, TrackPoint
-from dfvs_sim.demo.floor import TakeOff
-from dfvs_sim.demo.options import USUAL_GROUND_URL, FlightOptions
+from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
-from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0
 
 Log = Callable[[str], None]
+
+
+class FlightError(DfvsError):
+    """The flight could not be brought up."""
 
 
 class NotReadyError(FlightError):
@@ -113,7 +116,8 @@ class Flight:
         DfvsError
             If vehicle, pilot or service cannot be brought up.
         """
-        self._write_goals()
+        for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
+            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
         with contextlib.ExitStack() as stack:
             stack.callback(self._ports.close)
             session = self._start(stack)
@@ -141,10 +145,6 @@ class Flight:
         via = [f"goal-{number}.png" for number in range(1, len(self._plan.goals))]
         return [self._folder / name for name in (*via, "goal.png")]
 
-    def _write_goals(self) -> None:
-        for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
-            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
-
     def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
@@ -152,8 +152,10 @@ class Flight:
         pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
-        take_off = self._take_off()
-        to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
+        take_off = self._plan.take_off()
+        if take_off.remark:
+            self._log(take_off.remark)
+        to_scene = self._camera_poses(tracker, take_off.height_m)
         track = Track(to_scene, self._plan.T_scene_goal)
         session = stack.enter_context(open_session("peer", (self._ports.zenoh_endpoint,)))
         camera = MockCamera(
@@ -174,12 +176,12 @@ class Flight:
     def _dashboard(self, stack: contextlib.ExitStack) -> Child | None:
         if not self._options.dashboard:
             return None
-        self._log(f"dashboard at {self._processes.dashboard_url}")
+        self._log(f"dashboard at http://{LOOPBACK}:{self._ports.dashboard}/")
         return stack.enter_context(self._processes.dashboard())
 
     def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
         """Ground-station link to the very vehicle that the service will fly."""
-        usual = USUAL_GROUND_URL
+        usual = DEFAULT_URL
         if self._options.is_simulated:
             stack.enter_context(self._processes.vehicle())
             usual = f"udpin://{LOOPBACK}:{self._ports.ground}"
@@ -195,12 +197,13 @@ class Flight:
             pilot.land()
         pilot.prepare()
 
-    def _take_off(self) -> TakeOff:
-        """How far to climb, by the scene's floor."""
-        take_off = self._plan.take_off()
-        if take_off.remark:
-            self._log(take_off.remark)
-        return take_off
+    def _camera_poses(self, tracker: PoseTracker, height_m: float) -> CameraPoses:
+        """Poses in a scene in which the vehicle, now on the ground, climbs to the plan's start."""
+        pose = tracker.pose_at(time.monotonic_ns())
+        if pose is None:
+            raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
+        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), height_m)
+        return tracker.camera_poses(T_scene_local, self._plan.mount.T_body_camera())
 
     def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""

@@ -38,11 +38,6 @@ class FlightProcesses:
         """The simulated vehicle's own record; None beside another autopilot."""
         return self.folder / "vehicle.jsonl" if self.options.is_simulated else None
 
-    @property
-    def dashboard_url(self) -> str:
-        """Where the dashboard is served."""
-        return f"http://{LOOPBACK}:{self.ports.dashboard}/"
-
     def vehicle(self) -> Child:
         """Simulated vehicle."""
         system_id = self.options.system_id or FIRST_SYSTEM_ID

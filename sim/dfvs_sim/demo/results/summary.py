@@ -1,9 +1,10 @@
-"""The figures of a flight, as they go into ``summary.json``."""
+"""The figures of a flight, as they go into ``summary.json``, and the table of several flights."""
 
 import bisect
 import itertools
 import json
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,23 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.atomic_file import replace_json
+from dfvs_sim.demo.flight.engagement import READY, UNDER_WAY
 from dfvs_sim.demo.flight.flight import FlightLog
 from dfvs_sim.demo.flight.track import path_length_m, settled_error
 from dfvs_sim.vehicle.record import read_record
 
 CONVERGED_M = 0.05
 CONVERGED_DEG = 1.0
-_ENGAGED_STATES = frozenset({"ENGAGE", "SERVO", "HOLD"})
+
+_COLUMNS = (
+    ("start m", "initial_translation_m", 1.0, "7.2f"),
+    ("start deg", "initial_rotation_deg", 1.0, "9.1f"),
+    ("final cm", "final_translation_m", 100.0, "8.2f"),
+    ("final deg", "final_rotation_deg", 1.0, "9.2f"),
+    ("time s", "duration_s", 1.0, "6.1f"),
+    ("path", "path_ratio", 1.0, "4.2f"),
+)
+"""Heading, key in the summary, factor and format."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +99,12 @@ def summarise(log: FlightLog) -> FlightSummary:
         seed=log.plan.seed,
         end_state=log.end_state,
         end_cause=log.end_cause,
-        initial_translation_m=_round(initial_m, 4),
-        initial_rotation_deg=_round(math.degrees(initial_rad), 3),
-        final_translation_m=_round(final_m, 4),
-        final_rotation_deg=_round(math.degrees(final_rad), 3),
-        duration_s=_round((log.ended_ns - log.engaged_ns) * 1e-9, 2),
-        path_ratio=_round(path_length_m(flown) / initial_m if flown else math.nan, 3),
+        initial_translation_m=round(initial_m, 4),
+        initial_rotation_deg=round(math.degrees(initial_rad), 3),
+        final_translation_m=round(final_m, 4),
+        final_rotation_deg=round(math.degrees(final_rad), 3),
+        duration_s=round((log.ended_ns - log.engaged_ns) * 1e-9, 2),
+        path_ratio=round(path_length_m(flown) / initial_m if flown else math.nan, 3),
         frames=len(log.watch.servo),
         latency_ms=_latency_ms(log, setpoints),
         stages_ms=log.watch.timing.get("stages", {}),
@@ -105,17 +116,13 @@ def summarise(log: FlightLog) -> FlightSummary:
     )
 
 
-def _round(value: float, digits: int) -> float:
-    return round(value, digits) if math.isfinite(value) else value
-
-
 def _engaged_setpoints_ns(log: FlightLog) -> list[int] | None:
     """When setpoints reached the vehicle while engaged, by its own record."""
     if log.vehicle_record is None:
         return None
     end_ns = log.ended_ns
     for t_ns, state in log.watch.states:
-        if t_ns > log.engaged_ns and state not in _ENGAGED_STATES and state != "READY":
+        if t_ns > log.engaged_ns and state not in READY | UNDER_WAY:
             end_ns = t_ns
             break
     return [
@@ -129,7 +136,7 @@ def _max_setpoint_gap_ms(setpoints: list[int] | None) -> float | None:
     """Longest pause between setpoints."""
     if setpoints is None or len(setpoints) < 2:
         return None
-    return _round(max(b - a for a, b in itertools.pairwise(setpoints)) * 1e-6, 2)
+    return round(max(b - a for a, b in itertools.pairwise(setpoints)) * 1e-6, 2)
 
 
 def _latency_ms(log: FlightLog, setpoints: list[int] | None) -> dict[str, float]:
@@ -143,4 +150,25 @@ def _latency_ms(log: FlightLog, setpoints: list[int] | None) -> dict[str, float]
         if document["t_capture_ns"] >= log.engaged_ns and i < len(setpoints):
             latencies.append((setpoints[i] - document["t_capture_ns"]) * 1e-6)
     p50, p99 = np.percentile(latencies, [50, 99]) if latencies else (0.0, 0.0)
-    return {"p50": _round(float(p50), 2), "p99": _round(float(p99), 2)}
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2)}
+
+
+def flight_table(documents: Sequence[Mapping[str, Any]]) -> str:
+    """Table of summaries as JSON has them, a line each, and how many converged."""
+    width = max([len("vehicle"), *(len(str(d["vehicle"])) for d in documents)])
+    head = "  ".join(heading for heading, *_ in _COLUMNS)
+    lines = [f"{'vehicle':<{width}}  seed  {head}  end"]
+    for document in documents:
+        cells = [_cell(document.get(key), factor, form) for _, key, factor, form in _COLUMNS]
+        end = "converged" if document["converged"] else document["end_state"]
+        lines.append(
+            f"{document['vehicle']:<{width}}  {document['seed']:4d}  {'  '.join(cells)}  {end}"
+        )
+    converged = sum(bool(document["converged"]) for document in documents)
+    return "\n".join([*lines, f"{converged} of {len(documents)} converged"])
+
+
+def _cell(value: float | None, factor: float, form: str) -> str:
+    if value is None:
+        return "-".rjust(int(form.partition(".")[0]))
+    return format(factor * value, form)

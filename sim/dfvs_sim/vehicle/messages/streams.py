@@ -1,7 +1,7 @@
 """How often each message is streamed, on which link."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from dfvs_sim.vehicle.status import NS_PER_S
 
@@ -36,12 +36,11 @@ RATES_HZ: Mapping[str, Mapping[str, float]] = {
     GROUND: GROUND_RATES_HZ,
 }
 
-FASTEST_US = 4000
+_FASTEST_US = 4000
 """Shortest interval that SET_MESSAGE_INTERVAL is granted: one step of the simulation."""
 
-
-ON_NEWS = frozenset({"CURRENT_MODE"})
-"""Messages that PX4 sends only where the status was published since the last one."""
+_ON_NEWS = "CURRENT_MODE"
+"""Message that PX4 sends only where the status was published since the last one."""
 
 
 class Schedule:
@@ -58,7 +57,7 @@ class Schedule:
     def set_interval(self, name: str, interval_us: float, now_ns: int) -> None:
         """SET_MESSAGE_INTERVAL: -1 stops the stream, 0 restores its default."""
         if interval_us > 0:
-            self._set(name, 1e6 / max(FASTEST_US, interval_us), now_ns)
+            self._set(name, 1e6 / max(_FASTEST_US, interval_us), now_ns)
         else:
             self._set(name, 0.0 if interval_us < 0 else self._defaults.get(name, 0.0), now_ns)
 
@@ -94,15 +93,14 @@ class LinkState:
     schedule: Schedule
     gcs_ns: int | None = None
     dropped: bool = False
-    sent_ns: dict[str, int] = field(default_factory=dict)
-    """When each of ``ON_NEWS`` was sent last."""
+    _news_sent_ns: int = -1
 
     def due(self, now_ns: int, news_ns: int) -> list[str]:
         """Names of the messages to send now; ``news_ns``: when the status was published last."""
-        names = [
-            name
-            for name in self.schedule.due(now_ns)
-            if name not in ON_NEWS or self.sent_ns.get(name, news_ns - 1) < news_ns
-        ]
-        self.sent_ns.update(dict.fromkeys(ON_NEWS.intersection(names), now_ns))
+        names = self.schedule.due(now_ns)
+        if _ON_NEWS in names:
+            if self._news_sent_ns < news_ns:
+                self._news_sent_ns = now_ns
+            else:
+                names.remove(_ON_NEWS)
         return names

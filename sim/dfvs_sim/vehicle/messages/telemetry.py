@@ -20,8 +20,6 @@ from dfvs_sim.vehicle.status import Status
 Message = Any
 """A pymavlink message: pymavlink's classes are generated and carry no common type."""
 
-_NAN = math.nan
-
 _GYRO, _ACCEL, _MAG, _BARO, _GPS = 1, 2, 4, 8, 32
 _ATTITUDE, _POSITION = 0x800 | 0x1000, 0x4000 | 0x2000
 _MOTORS, _AHRS, _BATTERY, _PREARM = 0x8000, 0x200000, 0x2000000, 0x10000000
@@ -126,7 +124,7 @@ class Telemetry:
         e = self._e
         if not self._status.estimator_ok:
             return None
-        unknown = [_NAN] * 21
+        unknown = [math.nan] * 21
         return mavlink.MAVLink_odometry_message(
             self._us(now_ns),
             mavlink.MAV_FRAME_LOCAL_NED,

@@ -30,7 +30,6 @@ class UdpLink:
     """
 
     def __init__(self, name: str, ports: UdpPorts, system_id: int = 1) -> None:
-        self.name = name
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.bind((_HOST, ports.local))

@@ -1,7 +1,7 @@
 """What each mode that needs no setpoints asks of the position loop.
 
-Hold brakes along a jerk-limited profile and then keeps the place where it came to rest; take-off,
-return and landing fly the same profiles towards their targets.
+Hold brakes along a profile with limited acceleration and jerk, and then keeps the place where it
+came to rest; take-off, return and landing fly the same profiles towards their targets.
 """
 
 import math
@@ -11,7 +11,6 @@ from dfvs_sim.dynamics.control import Demand
 from dfvs_sim.dynamics.estimator import Estimate
 from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.motion.trajectory import SmoothAxis, speed_to_stop_in
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.status import Status
 
@@ -28,13 +27,36 @@ class Sticks:
     yaw: float = 0.0
 
 
+class _SmoothAxis:
+    """Position, velocity and acceleration of one axis on its way to a velocity."""
+
+    __slots__ = ("acceleration", "position", "velocity")
+
+    def __init__(self, position: float = 0.0, velocity: float = 0.0) -> None:
+        self.position = position
+        self.velocity = velocity
+        self.acceleration = 0.0
+
+    def approach(self, dt_s: float, velocity: float, acceleration: float, jerk: float) -> None:
+        """Advance by dt_s towards ``velocity`` within the limits on acceleration and jerk."""
+        missing = velocity - self.velocity
+        fastest = math.sqrt(2.0 * jerk * abs(missing))
+        wanted = math.copysign(min(acceleration, fastest), missing)
+        change = jerk * dt_s
+        self.acceleration += min(change, max(-change, wanted - self.acceleration))
+        if abs(missing) <= 2.0 * jerk * dt_s * dt_s:
+            self.velocity, self.acceleration = velocity, 0.0
+        self.velocity += self.acceleration * dt_s
+        self.position += self.velocity * dt_s
+
+
 class Navigator:
     """Profiles on the three axes and the targets that they go to."""
 
     def __init__(self, parameters: ParameterTable, status: Status) -> None:
         self._parameters = parameters
         self._status = status
-        self._axes = [SmoothAxis() for _ in range(3)]
+        self._axes = [_SmoothAxis() for _ in range(3)]
         self._target: list[float | None] = [None, None, None]
         self._yaw_rad = 0.0
         self._climbing = False
@@ -48,7 +70,7 @@ class Navigator:
         if previous is Mode.TAKEOFF and mode is Mode.HOLD:
             return
         e = estimate
-        self._axes = [SmoothAxis(*axis) for axis in zip(e.position_m, e.velocity_m_s, strict=True)]
+        self._axes = [_SmoothAxis(*axis) for axis in zip(e.position_m, e.velocity_m_s, strict=True)]
         self._target = [None, None, None]
         self._yaw_rad = e.yaw_rad
         self._climbing = self._over_home = False
@@ -98,7 +120,7 @@ class Navigator:
             error = self._target[2] - down.position
             climb = self.climb_limit_m_s if mode is Mode.TAKEOFF else p["MPC_Z_V_AUTO_UP"]
             limit = climb if error < 0.0 else p["MPC_Z_V_AUTO_DN"]
-            wanted = math.copysign(min(limit, speed_to_stop_in(abs(error), 3.0, jerk)), error)
+            wanted = math.copysign(min(limit, _speed_to_stop_in(abs(error), 3.0, jerk)), error)
         else:
             wanted = 0.0
         down.approach(dt_s, wanted, acceleration, jerk)
@@ -119,7 +141,7 @@ class Navigator:
         if distance < 1e-6:
             return 0.0, 0.0
         speed = min(
-            self._parameters["MPC_XY_CRUISE"], speed_to_stop_in(distance, acceleration, jerk)
+            self._parameters["MPC_XY_CRUISE"], _speed_to_stop_in(distance, acceleration, jerk)
         )
         return speed * d_north / distance, speed * d_east / distance
 
@@ -185,3 +207,9 @@ class Navigator:
         return Demand(
             (nan, nan, down.position), (nan, nan, down.velocity), (north, east, 0.0), self._yaw_rad
         )
+
+
+def _speed_to_stop_in(distance: float, acceleration: float, jerk: float) -> float:
+    """Highest speed from which the profile stops within the distance (PX4's formula)."""
+    b = 4.0 * acceleration * acceleration / jerk
+    return 0.5 * (-b + math.sqrt(b * b + 8.0 * acceleration * max(0.0, distance)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dfvs_sim.dynamics.control import NAN_VECTOR, Demand
-from dfvs_sim.dynamics.motion_state import Vector
+from dfvs_sim.dynamics.rigid_body import Vector
 
 LOCAL_NED, BODY_NED = 1, 8
 """The only coordinate frames that are accepted."""
