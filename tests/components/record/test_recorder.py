@@ -1,5 +1,6 @@
 """The recorder's files, without a network: what is in them, how they end, and what is lost."""
 
+import dataclasses
 import itertools
 import json
 import resource
@@ -25,14 +26,15 @@ from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.cli import main as record_main
 from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
-from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.record.recorder import Recorder
 from dfvs_service.record.recovery import recover
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
 from dfvs_service.report.recording import RecordedFlight
+from dfvs_service.settings.record_sections import RecordSection
 
 S = 1_000_000_000
-ROOMY = RecordLimits(10**9, 10**10, 0)
+ROOMY = RecordSection(min_free_mb=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +51,11 @@ def large():
 class Desk:
     """A recorder with a clock in hand, and what it warned of."""
 
-    def __init__(self, folder, limits=ROOMY):
+    def __init__(self, folder, section=ROOMY):
         self.folder = folder
         self.now_ns = 0
         self.warnings = []
-        self.recorder = Recorder(folder, "r", limits, lambda: self.now_ns, self.warnings.append)
+        self.recorder = Recorder(folder, "r", section, lambda: self.now_ns, self.warnings.append)
 
     def take(self, events):
         for message, payload in events:
@@ -177,7 +179,7 @@ def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
 
 def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_path, large):
     size = 400_000
-    desk = Desk(tmp_path, RecordLimits(size, 10**9, 0)).take(large.events)
+    desk = Desk(tmp_path, dataclasses.replace(ROOMY, max_file_mb=size / 1e6)).take(large.events)
     desk.recorder.close()
     assert len(desk.files) > 2
     assert all(path.stat().st_size < 2.5 * size for path in desk.files)
@@ -190,7 +192,9 @@ def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_pa
 def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(tmp_path, large):
     stranger = tmp_path / "another.mcap"
     stranger.write_bytes(b"not ours")
-    desk = Desk(tmp_path, RecordLimits(300_000, 900_000, 0)).take(large.events)
+    desk = Desk(tmp_path, RecordSection(max_file_mb=0.3, max_total_mb=0.9, min_free_mb=0.0)).take(
+        large.events
+    )
     desk.recorder.close()
     assert desk.recorder.counts.files_removed > 0
     ours = [path for path in desk.files if path != stranger]
@@ -200,7 +204,7 @@ def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(t
 
 
 def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_path, flight):
-    desk = Desk(tmp_path, RecordLimits(10**9, 10**10, free_bytes=10**18)).take(flight.events)
+    desk = Desk(tmp_path, RecordSection(min_free_mb=1e12)).take(flight.events)
     counts = desk.recorder.counts
     assert counts.records == 0
     assert counts.dropped == len(flight.turns)
