@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_service.page.charts import Curve, Plot, Samples, TimeLine
+from dfvs_service.page.charts import Curve, Plot, TimeLine
 from dfvs_service.page.page import Page, Table, render
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 from dfvs_service.replay.flight import Replay
@@ -60,7 +60,9 @@ def _charts(
     frames: Sequence[FrameDifference], times_s: Sequence[float]
 ) -> tuple[tuple[str, Plot], ...]:
     def curve(style: str, name: str, value: _Value) -> Curve:
-        return Curve(style, name, _samples(frames, value, times_s))
+        """Curve of a value, interrupted where it is not known."""
+        values = zip(times_s, map(value, frames), strict=True)
+        return Curve(style, name, [(t_s, math.nan if v is None else v) for t_s, v in values])
 
     def both(of: Callable[[PerceptionReport], float]) -> tuple[Curve, ...]:
         """Curves of a quantity in flight and in replay, where it would have been flown by."""
@@ -82,9 +84,3 @@ def _charts(
         ("Angle to the goal", Plot("°", both(lambda report: math.degrees(report.error_rad)))),
         ("Share of the view that shows the goal", Plot("", both(lambda report: report.overlap))),
     )
-
-
-def _samples(frames: Sequence[FrameDifference], value: _Value, times_s: Sequence[float]) -> Samples:
-    """Curve of a value, interrupted where it is not known."""
-    values = zip(times_s, map(value, frames), strict=True)
-    return [(t_s, math.nan if v is None else v) for t_s, v in values]
