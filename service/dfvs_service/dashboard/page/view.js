@@ -159,9 +159,7 @@ export class View {
       return;
     }
     this.#paint(live, areas.live);
-    if (this.mode === "slider") this.#paintLeft(goal, areas.live);
-    if (this.mode === "blend") this.#paintMixed(goal, areas.live);
-    if (this.mode === "difference") this.#paintDifference(goal, areas.live);
+    this.#paintOver(goal, areas.live);
     this.#overlay(areas.live, live);
     if (this.mode === "slider") this.#handle(areas.live);
   }
@@ -186,25 +184,19 @@ export class View {
     if (bitmap) this.#context.drawImage(bitmap, area.x, area.y, area.w, area.h);
   }
 
-  #paintLeft(goal, area) {
-    this.#context.save();
-    this.#context.beginPath();
-    this.#context.rect(area.x, area.y, area.w * this.mix, area.h);
-    this.#context.clip();
+  /** Paint the goal over the live view: left of the slider, translucent, or subtracted. */
+  #paintOver(goal, area) {
+    const context = this.#context;
+    context.save();
+    if (this.mode === "slider") {
+      context.beginPath();
+      context.rect(area.x, area.y, area.w * this.mix, area.h);
+      context.clip();
+    }
+    if (this.mode === "blend") context.globalAlpha = 1 - this.mix;
+    if (this.mode === "difference") context.globalCompositeOperation = "difference";
     this.#paint(goal, area);
-    this.#context.restore();
-  }
-
-  #paintMixed(goal, area) {
-    this.#context.globalAlpha = 1 - this.mix;
-    this.#paint(goal, area);
-    this.#context.globalAlpha = 1;
-  }
-
-  #paintDifference(goal, area) {
-    this.#context.globalCompositeOperation = "difference";
-    this.#paint(goal, area);
-    this.#context.globalCompositeOperation = "source-over";
+    context.restore();
   }
 
   #overlay(area, live) {
