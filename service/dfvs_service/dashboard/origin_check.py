@@ -26,13 +26,7 @@ _HEADERS = {
 
 
 class OriginCheckMiddleware:
-    """Refuses requests for other hosts and from other origins; adds headers to every answer.
-
-    Parameters
-    ----------
-    app : ASGI application
-    address : PublicAddress
-    """
+    """Refuses requests for other hosts and from other origins; adds headers to every answer."""
 
     def __init__(self, app: ASGIApp, address: PublicAddress) -> None:
         self._app = app

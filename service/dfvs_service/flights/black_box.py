@@ -208,13 +208,7 @@ class BlackBox:
             self._warn(f"the black box keeps no more of {copy.name}: it is as large as it may be")
 
     def _check_room(self) -> None:
-        """Refuse to fill the disk.
-
-        Raises
-        ------
-        OSError
-            If too little is free.
-        """
+        """Refuse to fill the disk: OSError where too little is free."""
         if self.folder is not None:
             free = shutil.disk_usage(self.folder).free
             if free < self._limits.min_free_mb * MB:

@@ -71,10 +71,6 @@ def record(
 class RecorderProcess:
     """Records the service that started it, in the folder of the settings.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-
     Raises
     ------
     ConfigError

@@ -41,12 +41,7 @@ class Replay:
 
 
 class FlightReplay:
-    """Reruns the frame records of a recording one by one.
-
-    Parameters
-    ----------
-    trial : Trial
-    """
+    """Reruns the frame records of a recording one by one."""
 
     def __init__(self, trial: Trial) -> None:
         self._trial = trial
