@@ -66,6 +66,11 @@ class Desk:
                 self.recorder.add(message, payload)
         return self
 
+    def record(self, events):
+        """Take all events, and end the recording."""
+        self.take(events).recorder.close()
+        return self
+
     @property
     def files(self):
         return sorted(self.folder.glob("*.mcap"))
@@ -88,8 +93,7 @@ def payloads(events):
 @pytest.mark.parametrize("pixel_format", [PixelFormat.JPEG, PixelFormat.RGB8, PixelFormat.MONO8])
 def test_what_was_told_is_read_back_to_the_last_bit(tmp_path, pixel_format):
     flight = fly(np.random.default_rng(7), 5, pixel_format)
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     back = told(desk.files)
     assert [message for message, _ in back] == [message for message, _ in flight.events]
     assert payloads(back) == payloads(flight.events)
@@ -114,8 +118,7 @@ def test_flow_path_and_log_are_in_it_for_people_and_change_nothing_of_a_replay(t
 
 
 def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     with desk.files[0].open("rb") as file:
         summary = make_reader(file).get_summary()
         notes = {note.name: note.metadata for note in make_reader(file).iter_metadata()}
@@ -135,8 +138,7 @@ def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):
 
 
 def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     (path,) = desk.files
     picture = CompressedImage.FromString(messages(path, "/camera/image")[0])
     assert picture.format == "jpeg"
@@ -158,8 +160,7 @@ def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
 
 
 def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     still, moving = messages(desk.files[0], "/tf")[:2]
     R = {}
     for transform in [
@@ -179,8 +180,7 @@ def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
 
 def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_path, large):
     size = 400_000
-    desk = Desk(tmp_path, dataclasses.replace(ROOMY, max_file_mb=size / 1e6)).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path, dataclasses.replace(ROOMY, max_file_mb=size / 1e6)).record(large.events)
     assert len(desk.files) > 2
     assert all(path.stat().st_size < 2.5 * size for path in desk.files)
     assert payloads(told(desk.files)) == payloads(large.events)
@@ -242,8 +242,7 @@ def test_turns_that_never_came_are_counted(tmp_path, flight):
 
 def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large):
     """Whatever byte it ends at."""
-    desk = Desk(tmp_path).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(large.events)
     (whole,) = desk.files
     data = whole.read_bytes()
     lengths = []
@@ -259,8 +258,7 @@ def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large)
 
 
 def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
-    desk = Desk(tmp_path).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(large.events)
     (whole,) = desk.files
     cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
     cut.write_bytes(whole.read_bytes()[:-200_000])
@@ -274,8 +272,7 @@ def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
 
 def test_a_repaired_copy_beside_its_original_is_left_out_and_named(tmp_path):
     flight = fly(np.random.default_rng(7), 8, next_goal_at=5)
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     (original,) = desk.files
     assert record_main(["recover", str(original)]) == 0
     assert len(desk.files) == 2
