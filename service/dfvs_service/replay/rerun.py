@@ -5,7 +5,6 @@ They are part of every frame record, so the same code, model and settings give t
 """
 
 import contextlib
-import dataclasses
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -190,26 +189,3 @@ class Rerunner:
         start_ns = time.monotonic_ns()
         self._frame_processor.work_between_frames()
         return time.monotonic_ns() - start_ns
-
-
-def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -> ServiceConfig:
-    """Recorded settings with the servo law and matcher of others, and with another model.
-
-    Parameters
-    ----------
-    config : ServiceConfig
-        Of the flight; its camera and goal stay.
-    trial : ServiceConfig or None
-        Gives ``servo``, ``flow`` and ``depth``.
-    model : str
-        Name or folder; empty: as the settings say.
-    """
-    if trial is not None:
-        flow = trial.flow
-        if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
-            width_px = config.flow.working_width_px
-            flow = dataclasses.replace(flow, working_width_px=width_px)
-        config = dataclasses.replace(config, servo=trial.servo, flow=flow, depth=trial.depth)
-    if model:
-        config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
-    return config

@@ -28,17 +28,9 @@ def flight_page(folder):
     return make_report(source, source.read(), folder.parent / "film.webm")
 
 
-def write_lines(path, records):
-    path.write_text("".join(json.dumps(record) + "\n" for record in records))
-
-
-def write_header(folder):
-    header = {"vehicle": "drone1", "started_ns": START_NS, "started_unix_ns": 1_700_000_000 * S}
-    write_lines(folder / "flight.json", [header])
-
-
 def series_of(folder):
-    write_header(folder)
+    header = {"vehicle": "drone1", "started_ns": START_NS, "started_unix_ns": 1_700_000_000 * S}
+    (folder / "flight.json").write_text(json.dumps(header) + "\n")
     return BlackBoxFlight(folder).read().series
 
 
@@ -61,11 +53,6 @@ def write_inputs(folder, steps):
     lines = [encode_start(GateConfig(), START_NS)]
     lines += [encode_step(START_NS + round(t * S), events, OUTPUT) for t, events in steps]
     (folder / "gate-inputs.jsonl").write_text("".join(f"{line}\n" for line in lines))
-
-
-def write_end(folder, t_s):
-    end = {"t_ns": START_NS + t_s * S, "kind": "end", "code": 1}
-    write_lines(folder / "service.jsonl", [end])
 
 
 def servo(t_s, match_ms):
@@ -92,15 +79,17 @@ def bare(store):
 @pytest.fixture
 def flight(bare):
     """A flight that ended in ABORT."""
-    write_header(bare)
+    header = {"vehicle": "drone1", "started_ns": START_NS, "started_unix_ns": 1_700_000_000 * S}
+    (bare / "flight.json").write_text(json.dumps(header) + "\n")
     states = [(0.5, "PREFLIGHT", ""), (4.0, "ENGAGE", ""), (5.0, "SERVO", "")]
     states += [(8.0, "ABORT", "<script>alert(1)</script>")]
     log = [
         {"t_ns": START_NS + round(t * S), "kind": "transition", "target": s, "cause": "c" + d}
         for t, s, d in states
     ]
-    write_lines(bare / "gate.jsonl", log)
-    write_end(bare, 9)
+    (bare / "gate.jsonl").write_text("".join(json.dumps(record) + "\n" for record in log))
+    end = {"t_ns": START_NS + 9 * S, "kind": "end", "code": 1}
+    (bare / "service.jsonl").write_text(json.dumps(end) + "\n")
     limits = {"tolerance_m": 0.02, "tolerance_rad": 0.0087, "min_confidence": 0.3}
     (bare / "settings.json").write_text(
         json.dumps({"vehicle": {"name": "drone1"}, "servo": limits})
@@ -112,7 +101,7 @@ def flight(bare):
     write_inputs(bare, moves)
     cv2.imwrite(str(bare / "goal.png"), np.full((48, 64, 3), 90, np.uint8))
     told = [servo(6.0, 12.34), servo(6.1, 12.34), servo(6.2, 56.78)]
-    write_lines(bare / "telemetry-000.jsonl", told)
+    (bare / "telemetry-000.jsonl").write_text("".join(json.dumps(r) + "\n" for r in told))
     return bare
 
 
@@ -312,7 +301,7 @@ def test_the_truth_of_a_simulation_is_drawn_beside_the_estimate(flight, tmp_path
         {"t_ns": START_NS + round((4 + t / 10) * S), "error_m": 1 - t / 50, "error_rad": 0.1}
         for t in range(40)
     ]
-    write_lines(tmp_path / "truth.jsonl", lines)
+    (tmp_path / "truth.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert main(["latest", "--truth", "truth.jsonl", "--out", "true.html"]) == 0
     text = (tmp_path / "true.html").read_text()
     assert "true, of the simulation" in text
@@ -339,7 +328,8 @@ def test_the_command_gives_its_result_as_json(filmed, tmp_path, monkeypatch, cap
 
 def test_of_a_flight_that_was_never_engaged_the_last_minute_is_shown(flight):
     (flight / "gate.jsonl").write_text("")
-    write_end(flight, 3600)
+    end = {"t_ns": START_NS + 3600 * S, "kind": "end", "code": 1}
+    (flight / "service.jsonl").write_text(json.dumps(end) + "\n")
     line = BlackBoxFlight(flight).read().line
     assert (line.from_s, line.to_s) == pytest.approx((3537, 3600))
 
