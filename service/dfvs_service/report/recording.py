@@ -12,7 +12,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange, utc_time
-from dfvs_service.frame_record_image import record_image
+from dfvs_service.frames import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import Run, StateLog, in_order, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
@@ -35,12 +35,8 @@ class RecordedFlight:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = in_order(paths)
+        self.name = self._paths[0].stem.removesuffix("-000")
         self.note = ""
-
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return self._paths[0].stem.removesuffix("-000")
 
     def read(self) -> Flight:
         """Read all but the views.
