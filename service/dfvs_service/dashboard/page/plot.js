@@ -31,13 +31,9 @@ export class Plot {
     this.#events = events;
     this.#bands = definition.lines.filter((line) => line.spread);
     this.#columns = Array.from({ length: 1 + definition.lines.length + 2 * this.#bands.length }, () => []);
-    this.#place.dataset.source = definition.source;
+    this.source = this.#place.dataset.source = definition.source;
     this.#box = row("div", [this.#heading(), this.#place], "plot");
     parent.append(this.#box);
-  }
-
-  get source() {
-    return this.#definition.source;
   }
 
   add(tMs, row) {
