@@ -71,9 +71,15 @@ def watch(page, vehicle):
     page.frames_rise()
 
 
-def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, field, open_page):
+@pytest.fixture
+def page(server, field, open_page):
+    """A page that shows the vehicle swift."""
     page = open_page(server.url)
     watch(page, "swift")
+    return page
+
+
+def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, page):
     first = page.pixels()
     assert first["brightness"] > 20
     page.wait(f"hash => ({PIXELS})().hash !== hash", first["hash"])
@@ -88,9 +94,7 @@ def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, fiel
     assert page.complaints == []
 
 
-def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(page):
     page.wait(f"() => ({BAND_PIXELS})() > 300")
     for name, pattern in (
         ("Distance to goal", r"^\d\.\d{3} ± \d\.\d{3} m$"),
@@ -117,19 +121,13 @@ def test_without_an_uncertainty_there_is_neither_a_band_nor_a_spread(field, open
         assert page.complaints == []
 
 
-def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(
-    server, field, open_page
-):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(field, page):
     for score, text in ((12.3, "ok 12.3 σ"), (-4.9, "undecided "), (-5.0, "wrong 5.0 σ")):
         field.swift.mounting_score = score
         page.wait(f"text => ({NUMBER})('Mounting') === text", text)
 
 
-def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_flow_confidence_and_ways_to_compare_change_the_picture(field, page):
     page.wait("() => Object.values(dfvsScreen().has).every(Boolean)")
     field.swift.pause_halfway()
     page.wait("() => !document.getElementById('view-notice').hidden")
@@ -140,9 +138,7 @@ def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, o
         seen.add(page.pixels()["hash"])
 
 
-def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_old_data_are_called_old_and_new_ones_clear_that(field, page):
     field.swift.is_paused = True
     page.wait_text("state", "STALE: was SERVO")
     assert "Nothing heard since" in page.text("cause")
@@ -194,9 +190,7 @@ def test_it_reconnects_by_itself_after_the_server_was_killed(field, open_page):
         assert page.text("state") == "SERVO"
 
 
-def test_an_operator_signs_in_and_holds_and_engages_after_a_question(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_signs_in_and_holds_and_engages_after_a_question(field, page):
     assert page.page.is_hidden("#operator")
     page.sign_in(field.token)
     page.page.click("#hold:enabled")
@@ -213,9 +207,7 @@ def test_an_operator_signs_in_and_holds_and_engages_after_a_question(server, fie
     page.page.wait_for_selector("#operator", state="hidden")
 
 
-def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(field, page):
     page.sign_in(field.token)
     field.swift.enter("READY", "checks passed")
     picture, sidecar = encode_jpeg(field.swift.views[0]), '{"format": "dfvs-goal/1"}'
@@ -230,11 +222,7 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, fiel
     assert field.swift.goals[-1] == GoalCommand(picture, sidecar)
 
 
-def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(
-    server, field, open_page
-):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(field, page):
     assert page.page.is_hidden("#take-view")  # a viewer may not
     page.sign_in(field.token)
     field.swift.enter("HOLD", "operator commanded to hold")

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from loopback import free_endpoint, listening_peer
+from loopback import free_endpoint
 from mcap.reader import make_reader
 from recorded_flight import fly
 from waiting import until
@@ -34,13 +34,6 @@ START_S = 30.0
 @pytest.fixture(scope="module")
 def flight():
     return fly(np.random.default_rng(5), 12, PixelFormat.RGB8)
-
-
-@pytest.fixture
-def service():
-    """Perception's end: a Zenoh peer that listens, and where."""
-    with listening_peer() as peer:
-        yield peer
 
 
 @contextlib.contextmanager
@@ -125,18 +118,17 @@ def test_a_header_that_was_missed_is_repeated_with_a_later_record(service, fligh
     monkeypatch.setattr(record_publisher, "_HEADER_PERIOD_S", 0.0)
     session, _ = service
     headers, records = [], []
-    feed = RecordPublisher(session, TOPICS, print)
-    feed.offer(*flight.events[0])
-    # A subscriber of Zenoh's plain kind does not ask for the kept value.
-    subscribers = [
-        session.declare_subscriber(TOPICS.telemetry(name), heard.append)
-        for name, heard in (("opening", headers), ("turn", records))
-    ]
-    assert until(lambda: feed.wanted, START_S)
-    headers.clear()
-    feed.offer(*flight.events[1])
-    assert until(lambda: bool(records), START_S)
-    feed.close()
+    with publisher(session) as feed:
+        feed.offer(*flight.events[0])
+        # A subscriber of Zenoh's plain kind does not ask for the kept value.
+        subscribers = [
+            session.declare_subscriber(TOPICS.telemetry(name), heard.append)
+            for name, heard in (("opening", headers), ("turn", records))
+        ]
+        assert until(lambda: feed.wanted, START_S)
+        headers.clear()
+        feed.offer(*flight.events[1])
+        assert until(lambda: bool(records), START_S)
     for subscriber in subscribers:
         subscriber.undeclare()
     header, _ = unpack(SessionHeader, headers[-1].payload.to_bytes())
@@ -183,12 +175,11 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
 
 def test_while_nobody_records_nothing_is_kept(service, flight):
     session, _ = service
-    feed = RecordPublisher(session, TOPICS, print)
-    assert not feed.wanted
-    for _ in range(200):
-        feed.offer(flight.turns[0], bytes(1024 * 1024))
-    assert feed.dropped == 0
-    feed.close()
+    with publisher(session) as feed:
+        assert not feed.wanted
+        for _ in range(200):
+            feed.offer(flight.turns[0], bytes(1024 * 1024))
+        assert feed.dropped == 0
 
 
 @pytest.mark.parametrize(
