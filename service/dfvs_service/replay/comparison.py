@@ -132,9 +132,9 @@ def _latency(reruns: Sequence[Rerun]) -> dict[str, Percentiles]:
     flown = [r.record.sight.stages_ns for r in whole if r.record.sight is not None]
     return {
         "match_recorded": _percentiles([sum(s[k] for k in MATCH_STAGES) for s in flown]),
-        "match_replayed": _percentiles([r.stages_ns["match"] for r in whole]),
+        "match_replayed": _percentiles([r.match_ns for r in whole]),
         "look_recorded": _percentiles([sum(s[k] for k in LOOK_STAGES) for s in flown]),
-        "look_replayed": _percentiles([r.stages_ns["look"] for r in whole]),
+        "look_replayed": _percentiles([r.look_ns for r in whole]),
     }
 
 

@@ -6,7 +6,7 @@ They are part of every frame record, so the same code, model and settings give t
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dfvs_core.depth.network import DepthEstimator
@@ -30,13 +30,14 @@ from dfvs_service.settings.config import ServiceConfig
 class Rerun:
     """One frame, as it was in flight and as it is now.
 
-    ``stages_ns`` holds how long matching and all of the look took now; ``FrameInput.stages_ns``
-    says so for then.
+    ``match_ns`` and ``look_ns`` say how long matching and all of the look took now;
+    ``FrameInput.stages_ns`` says so for then.
     """
 
     record: FrameRecord
     report: PerceptionReport
-    stages_ns: dict[str, int]
+    match_ns: int
+    look_ns: int
 
     @property
     def is_identical(self) -> bool:
@@ -55,9 +56,8 @@ class _Clock:
 class TimedMatcher:
     """A matcher that keeps count of how long it takes."""
 
-    def __init__(self, matcher: Matcher, tick: Callable[[], int]) -> None:
+    def __init__(self, matcher: Matcher) -> None:
         self._matcher = matcher
-        self._tick = tick
         self.spent_ns = 0
 
     def encode(self, image: ImageArray) -> ImageFeatures:
@@ -88,9 +88,9 @@ class TimedMatcher:
 
     @contextlib.contextmanager
     def _timed(self) -> Iterator[None]:
-        start_ns = self._tick()
+        start_ns = time.monotonic_ns()
         yield
-        self.spent_ns += self._tick() - start_ns
+        self.spent_ns += time.monotonic_ns() - start_ns
 
 
 def recorded_settings(header: SessionHeader) -> ServiceConfig:
@@ -147,7 +147,7 @@ class Rerunner:
         goal = recorded_goal(header, image)
         self._look, self._servo = _Clock(), _Clock()
         clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
-        self._timed = TimedMatcher(matcher, time.monotonic_ns)
+        self._timed = TimedMatcher(matcher)
         self._frame_processor = build_frame_processor(config, goal, self._timed, clocks, depth)
         self.processed: ProcessedFrame | None = None
         """What became of the newest sample."""
@@ -173,19 +173,12 @@ class Rerunner:
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
         processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        depth_ns = self._work_between_frames()
+        self._frame_processor.work_between_frames()
         self.processed = processed
-        return Rerun(
-            record, processed.report, {"match": match_ns, "look": look_ns, "depth": depth_ns}
-        )
+        return Rerun(record, processed.report, match_ns, look_ns)
 
     def _set_back(self, sight: FrameInput, payload: bytes) -> RawSample:
         """Put the clocks to the times of then."""
         self._look.now_ns = sight.t_look_ns
         self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
         return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
-
-    def _work_between_frames(self) -> int:
-        start_ns = time.monotonic_ns()
-        self._frame_processor.work_between_frames()
-        return time.monotonic_ns() - start_ns
