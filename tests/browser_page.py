@@ -32,6 +32,9 @@ class Page:
     def wait(self, script, argument=None):
         self.page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS, polling=100)
 
+    def wait_text(self, element, text):
+        self.wait("([e, t]) => document.getElementById(e).textContent === t", [element, text])
+
     def text(self, element):
         return self.page.text_content(f"#{element}")
 

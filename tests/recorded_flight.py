@@ -22,8 +22,9 @@ from dfvs_service.perception.assembly import (
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.messages import servo_document
-from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.record.recorder import Recorder
 from dfvs_service.settings.config import load_config
+from dfvs_service.settings.record_sections import RecordSection
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 CLOCK = b"c" * 16
@@ -119,7 +120,7 @@ def fly(
 
 def write_recording(folder, events):
     """Openings and turns as a recording; its file."""
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
+    recorder = Recorder(folder, "flight", RecordSection(min_free_mb=0.0), lambda: 0, print)
     for message, payload in events:
         if isinstance(message, SessionHeader):
             recorder.open(message, payload)

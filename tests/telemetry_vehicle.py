@@ -111,10 +111,9 @@ def approach_status(t_ns, t_s, left, **fields):
 class TelemetryVehicle:
     """Approaches a textured wall again and again; judges orders as the gate does."""
 
-    def __init__(self, endpoint, name="swift", key=None, pixel_format=PixelFormat.JPEG):
+    def __init__(self, endpoint, name="swift", key=None):
         config = load_config(None, {"vehicle.name": name, "zenoh.listen": [endpoint]})
         self.topics = Topics(name)
-        self.pixel_format = pixel_format
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
         self.pictures = TelemetryImages(CLOCK, 0.3, 70)
@@ -194,12 +193,13 @@ class TelemetryVehicle:
             self.halfway.set()
         index = round((1.0 - left) * (PICTURES - 1))
         frame = Frame(self.views[index], t_ns, self.seq)
-        payload, attachment = encode_frame(frame, self.pixel_format, CLOCK)
+        payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
         self.session.put(self.topics.camera, payload, attachment=attachment)
         self.seq += 1
         flow = self.flows[index]
         stages = {"transport": 2_000_000, "match": 25_000_000}
-        document = servo_document(frame, self.outcome(frame, left, flow), t_ns + 40_000_000, stages)
+        result = approach_result(frame, left, flow, self.mounting_score, self.knows_uncertainty)
+        document = servo_document(frame, result, t_ns + 40_000_000, stages)
         self.telemetry.offer_json("servo", document)
         self.telemetry.offer("flow", lambda: self.pictures.flow(frame, flow))
         if self.seq % 2 == 0:
@@ -208,9 +208,6 @@ class TelemetryVehicle:
             summary = {"match": {"p50_ms": 25.1, "p99_ms": 41.7, "max_ms": 50.0}}
             counters = {"frames": self.seq, "refused": 0, "overtaken": 3}
             self.telemetry.offer_json("timing", timing_document(summary, t_ns, counters))
-
-    def outcome(self, frame, left, flow):
-        return approach_result(frame, left, flow, self.mounting_score, self.knows_uncertainty)
 
     def status(self, t_ns, t_s, left):
         return approach_status(

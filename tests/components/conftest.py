@@ -2,6 +2,7 @@
 
 import pytest
 from browser_page import CHROMIUM
+from loopback import listening_peer
 
 
 @pytest.fixture(scope="module")
@@ -12,3 +13,10 @@ def chromium():
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def service():
+    """Perception's end: a Zenoh peer that listens, and where."""
+    with listening_peer() as peer:
+        yield peer

@@ -32,10 +32,3 @@ class PublicAddress:
     def origins(self) -> frozenset[str]:
         """Value of a browser's ``Origin`` header for our own page."""
         return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
-
-    def security_policy(self) -> str:
-        """Content-Security-Policy: everything from ourselves, nothing from elsewhere."""
-        return (
-            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
-            "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-        )

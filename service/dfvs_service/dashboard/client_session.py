@@ -144,7 +144,7 @@ class ClientSession:
 
     async def _receive(self) -> None:
         while True:
-            message = await self._next_message()
+            message = read_message(*await self._next_payload())
             kind = message.get("type")
             if kind == "seen":
                 self._outbox.confirm()
@@ -164,10 +164,6 @@ class ClientSession:
         if data is not None or (text is not None and len(text) > MAX_HELLO_BYTES):
             return None
         return read_message(text, None)
-
-    async def _next_message(self) -> dict[str, Any]:
-        """Next JSON object, with an image if one came along; else an empty one."""
-        return read_message(*await self._next_payload())
 
     async def _next_payload(self) -> tuple[str | None, bytes | None]:
         """Text or bytes of the next message."""

@@ -123,7 +123,8 @@ class Hub:
             t_ms = model.on_image(sample.stream, sample.content, now, sample.replaced)
             message = encode_image_message(sample.content.kind, t_ms, sample.content.data)
             self._images.setdefault(model.name, {})[sample.content.kind] = message
-            self._show(model.name, sample.content.kind, message)
+            for outbox in self._watching(model.name):
+                outbox.show(sample.content.kind, message)
         else:
             self._publish(model.name, model.on_document(sample.stream, sample.content, now))
 
@@ -137,10 +138,6 @@ class Hub:
             outbox.offer(rest)
             for key, rows in tables.items():
                 outbox.append(key, rows)
-
-    def _show(self, vehicle: str, kind: ImageKind, message: bytes) -> None:
-        for outbox in self._watching(vehicle):
-            outbox.show(kind, message)
 
     def _watching(self, vehicle: str) -> list[Outbox]:
         return [outbox for outbox, watched in self._watchers.items() if watched == vehicle]

@@ -11,20 +11,26 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from dfvs_service.dashboard.address import PublicAddress
 
+_HEADERS = {
+    # Everything from ourselves, nothing from elsewhere.
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
 
 class OriginCheckMiddleware:
-    """Refuses requests for other hosts and from other origins; adds headers to every answer.
-
-    Parameters
-    ----------
-    app : ASGI application
-    address : PublicAddress
-    """
+    """Refuses requests for other hosts and from other origins; adds headers to every answer."""
 
     def __init__(self, app: ASGIApp, address: PublicAddress) -> None:
         self._app = app
         self._address = address
-        self._policy = address.security_policy()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request."""
@@ -32,13 +38,13 @@ class OriginCheckMiddleware:
             await self._app(scope, receive, send)
             return
         if (refusal := self._refusal(scope)) is None:
-            await self._app(scope, receive, self._with_headers(send))
+            await self._app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": refusal})
         else:
             answer = PlainTextResponse(refusal, status_code=403)
-            await answer(scope, receive, self._with_headers(send))
+            await answer(scope, receive, _with_headers(send))
 
     def _refusal(self, scope: Scope) -> str | None:
         """Why a request is not served, or None."""
@@ -55,16 +61,11 @@ class OriginCheckMiddleware:
             return "the page is only read; commands go through its connection"
         return None if is_ours or not origins else "only this page may ask here"
 
-    def _with_headers(self, send: Send) -> Send:
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                headers["Content-Security-Policy"] = self._policy
-                headers["X-Content-Type-Options"] = "nosniff"
-                headers["Referrer-Policy"] = "no-referrer"
-                headers["Cross-Origin-Opener-Policy"] = "same-origin"
-                headers["Cross-Origin-Resource-Policy"] = "same-origin"
-                headers["Cache-Control"] = "no-store"
-            await send(message)
 
-        return send_with_headers
+def _with_headers(send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            MutableHeaders(scope=message).update(_HEADERS)
+        await send(message)
+
+    return send_with_headers

@@ -23,11 +23,6 @@ class ImageKind(enum.IntEnum):
     FLOW = 3
 
 
-def encode_update(update: Mapping[str, str]) -> str:
-    """One JSON object from keys and values that are JSON already."""
-    return "{" + ",".join(f'"{key}":{value}' for key, value in update.items()) + "}"
-
-
 def encode_image_message(kind: ImageKind, t_ms: float, data: bytes) -> bytes:
     """Binary message: kind (1 byte), wall-clock time of capture (float64, ms), the data."""
     return _IMAGE_HEADER.pack(kind, t_ms) + data
@@ -97,10 +92,10 @@ class Outbox:
         if not self._update and not self._rows:
             return None
         tables = {key: "[" + ",".join(rows) + "]" for key, rows in self._rows.items()}
-        text = encode_update(self._update | tables)
+        members = [f'"{key}":{value}' for key, value in (self._update | tables).items()]
         self._update.clear()
         self._rows.clear()
-        return text
+        return "{" + ",".join(members) + "}"
 
     def _next_images(self) -> list[bytes]:
         kinds = self._sendable()

@@ -12,11 +12,12 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from dfvs_common.atomic_file import sync_folder, write_atomic
 from dfvs_service.flights import layout
 from dfvs_service.flights.files import FileRing, LogCopy, SegmentedLog
-from dfvs_service.flights.store import FlightLock, FlightStore, folder_bytes
+from dfvs_service.flights.store import FlightStore, folder_bytes
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 
@@ -89,7 +90,7 @@ class BlackBox:
         self._clock = clock
         self._warn = warn
         self._started_ns, self._started_unix_ns = clock.monotonic_ns(), clock.unix_ns()
-        self._lock: FlightLock | None = None
+        self._lock: IO[str] | None = None
         self._parts: _Parts | None = None
         self._next_sync_ns = self._retry_ns = self._started_ns
         self._warned = ""
@@ -137,7 +138,7 @@ class BlackBox:
         if self._parts is not None:
             self._parts.close()
         if self._lock is not None:
-            self._lock.release()
+            self._lock.close()
 
     # --- disk -----------------------------------------------------------------------------
 
@@ -207,13 +208,7 @@ class BlackBox:
             self._warn(f"the black box keeps no more of {copy.name}: it is as large as it may be")
 
     def _check_room(self) -> None:
-        """Refuse to fill the disk.
-
-        Raises
-        ------
-        OSError
-            If too little is free.
-        """
+        """Refuse to fill the disk: OSError where too little is free."""
         if self.folder is not None:
             free = shutil.disk_usage(self.folder).free
             if free < self._limits.min_free_mb * MB:

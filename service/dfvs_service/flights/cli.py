@@ -52,8 +52,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     common = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
-    common.add_argument("--folder", type=Path, metavar="DIR", help="flights (black_box.folder)")
-    common.add_argument("--json", action="store_true", help="print the result as JSON")
+    for each in (common, parser):
+        each.add_argument("--folder", type=Path, metavar="DIR", help="flights (black_box.folder)")
+        each.add_argument("--json", action="store_true", help="print the result as JSON")
     commands = parser.add_subparsers(metavar="COMMAND")
     listing = commands.add_parser("list", parents=[common], help="all flights (the default)")
     show = commands.add_parser("show", parents=[common], help="what happened in a flight")
@@ -63,8 +64,6 @@ def _parser() -> argparse.ArgumentParser:
     for each in (show, export):
         each.add_argument("name", metavar="NAME", help="name of a flight, or 'latest'")
     export.add_argument("file", type=Path, metavar="FILE.zip", help="must not exist")
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="flights (black_box.folder)")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     add_settings_options(parser)
     return parser
 
@@ -72,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
 def _list(store: FlightStore, arguments: argparse.Namespace) -> None:
     summaries = [read_summary(store.path / name) for name in store.names()]
     if arguments.json:
-        print(json.dumps([_document(summary) for summary in summaries]))
+        print(json.dumps([dataclasses.asdict(summary) for summary in summaries]))
     elif not summaries:
         print(f"no flights in {store.path}")
     else:
@@ -81,7 +80,10 @@ def _list(store: FlightStore, arguments: argparse.Namespace) -> None:
 
 def _show(store: FlightStore, arguments: argparse.Namespace) -> None:
     summary = read_summary(store.folder(arguments.name))
-    print(json.dumps(_document(summary)) if arguments.json else "\n".join(_page(summary)))
+    if arguments.json:
+        print(json.dumps(dataclasses.asdict(summary)))
+    else:
+        print("\n".join(_page(summary)))
 
 
 def _export(store: FlightStore, arguments: argparse.Namespace) -> None:
@@ -93,10 +95,6 @@ def _export(store: FlightStore, arguments: argparse.Namespace) -> None:
         print(json.dumps({**result, "size_bytes": size_bytes}))
     else:
         print(f"{folder.name}: {count} files, {size_bytes / 1e6:.1f} MB in {target}")
-
-
-def _document(summary: FlightSummary) -> dict[str, object]:
-    return dataclasses.asdict(summary)
 
 
 def _table(summaries: Sequence[FlightSummary]) -> list[str]:

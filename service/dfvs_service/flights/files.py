@@ -93,14 +93,10 @@ class LogCopy(_Log):
         super().__init__()
         self._source = source
         self._target = target
+        self.name = target.name
         self._max_bytes = max_bytes
         self.copied_bytes = 0
         self.is_full = False
-
-    @property
-    def name(self) -> str:
-        """Name of the copy."""
-        return self._target.name
 
     def update(self) -> None:
         """Copy the lines that were added since."""

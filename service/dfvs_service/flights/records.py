@@ -84,7 +84,7 @@ def read_summary(folder: Path) -> FlightSummary:
         name=folder.name,
         folder=str(folder),
         vehicle=str(header.get("vehicle", vehicle)),
-        started=_utc(header.get("started_unix_ns")) or date,
+        started=utc_time(header.get("started_unix_ns")) or date,
         duration_s=max(max(times) - start_ns, 0) / S,
         status=status,
         exit_code=code,
@@ -141,7 +141,8 @@ def _last_step_ns(path: Path) -> int:
         return 0
 
 
-def _utc(t_unix_ns: object) -> str:
+def utc_time(t_unix_ns: object) -> str:
+    """Time in UTC, ISO 8601; empty where it is not known."""
     if not isinstance(t_unix_ns, int):
         return ""
     return datetime.fromtimestamp(t_unix_ns / S, UTC).isoformat(timespec="seconds")

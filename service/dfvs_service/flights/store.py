@@ -7,7 +7,6 @@ import re
 import shutil
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -46,17 +45,6 @@ def flights_folder(section: BlackBoxSection, environment: Mapping[str, str]) -> 
 def flight_name(vehicle: str, t_unix_s: float) -> str:
     """Name of a flight that began then."""
     return time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(t_unix_s)) + f"-{vehicle}"
-
-
-@dataclass(frozen=True, slots=True)
-class FlightLock:
-    """Mark of a flight that is being written; it goes with the process."""
-
-    file: IO[str]
-
-    def release(self) -> None:
-        """Take the mark away."""
-        self.file.close()
 
 
 class FlightStore:
@@ -113,8 +101,10 @@ class FlightStore:
             )
         return self.path / chosen
 
-    def create(self, vehicle: str, t_unix_s: float) -> tuple[Path, FlightLock]:
+    def create(self, vehicle: str, t_unix_s: float) -> tuple[Path, IO[str]]:
         """Make the folder of a new flight, readable by its owner alone, and mark it as running.
+
+        The mark is the file's lock, which goes when the file is closed, or with the process.
 
         Raises
         ------
@@ -157,7 +147,7 @@ class FlightStore:
         return removed
 
 
-def _lock(folder: Path) -> FlightLock:
+def _lock(folder: Path) -> IO[str]:
     """Lock a new folder; remove it where that fails."""
     try:
         lock = (folder / LOCK).open("w")
@@ -165,7 +155,7 @@ def _lock(folder: Path) -> FlightLock:
         folder.rmdir()
         raise
     fcntl.flock(lock, fcntl.LOCK_EX)
-    return FlightLock(lock)
+    return lock
 
 
 def parts_of(name: str) -> tuple[str, str]:

@@ -13,7 +13,6 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.preparation import require_record_extra
-from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 8765
@@ -38,29 +37,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
     add_settings_options(parser)
     arguments = parser.parse_args(argv)
-    return run_command(lambda: _run(arguments))
+    return run_command(lambda: _serve(arguments))
 
 
-def _run(arguments: argparse.Namespace) -> int:
-    _check(arguments.port)
-    return _serve(settings_from(arguments), arguments.port)
-
-
-def _check(port: int) -> None:
+def _serve(arguments: argparse.Namespace) -> int:
     require_record_extra()
     require_package("dfvs-foxglove needs", "foxglove", "foxglove", "foxglove-sdk")
-    if not 0 <= port <= 65535:
-        raise ConfigError(f"--port is {port}", "0 to 65535")
-
-
-def _serve(config: ServiceConfig, port: int) -> int:
+    if not 0 <= arguments.port <= 65535:
+        raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
+    config = settings_from(arguments)
     # Foxglove and Zenoh take their time to load.
     from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer
     from dfvs_service.record.follow import Follower
     from dfvs_service.record.messages.translation import Translation
 
     follower = Follower(config)
-    server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
+    server = FoxgloveServer(f"dfvs {config.vehicle.name}", arguments.port)
     log(f"serving ws://{LOOPBACK}:{server.port}")
     handle_ending_signals(follower.stop)
     translation: Translation | None = None

@@ -38,11 +38,8 @@ class FoxgloveServer:
             raise ConfigError(
                 f"cannot serve on {LOOPBACK}:{port} ({error})", "a free port", "try --port"
             ) from error
-
-    @property
-    def port(self) -> int:
+        self.port = self._server.port
         """Port that is served on."""
-        return self._server.port
 
     def show(self, messages: Iterable[Message]) -> None:
         """Pass messages on; where nobody has asked for their channel they cost nothing more."""

@@ -1,7 +1,7 @@
 """Prometheus metrics of a flight: latencies, rates, states, losses."""
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Histogram
@@ -58,12 +58,23 @@ _COUNTERS = {
     "overtaken": ("dfvs_frames_overtaken", "Frames that a newer one replaced unseen."),
 }
 _AXES = ("forward", "right", "down", "yaw")
-_SETPOINT = ("dfvs_setpoint", "Last setpoint: m/s, yaw in rad/s.", _AXES)
+_STATE = ("dfvs_gate_state", "1 for the state that the gate is in.", "state")
+_ENTRIES = ("dfvs_gate_entries", "How often the gate came into a state.", "state")
+_SETPOINT = ("dfvs_setpoint", "Last setpoint: m/s, yaw in rad/s.", "axis")
 _VELOCITY_ERROR = (
     "dfvs_velocity_error_meters_per_second",
     "Estimated velocity minus the odometry's, body axes.",
-    _AXES[:3],
+    "axis",
 )
+_AGE = (
+    "dfvs_telemetry_age_seconds",
+    "Time since a stream was last heard: everything else here is as old.",
+    "stream",
+)
+_UNREADABLE = {
+    "unreadable": ("dfvs_telemetry_unreadable", "Telemetry that was not understood."),
+}
+_Family = type[GaugeMetricFamily] | type[CounterMetricFamily]
 
 
 class FlightMetrics:
@@ -124,27 +135,21 @@ class FlightMetrics:
         yield from self._numbers(GaugeMetricFamily, _GAUGES, servo)
         yield from self._numbers(GaugeMetricFamily, _STATE_GAUGES, state)
         yield from self._numbers(CounterMetricFamily, _COUNTERS, documents.get("timing", {}))
-        yield self._states(state)
-        yield self._by_axis(_SETPOINT, state.get("setpoint"))
-        yield self._by_axis(_VELOCITY_ERROR, servo.get("velocity_error"))
-        transitions = CounterMetricFamily(
-            "dfvs_gate_entries",
-            "How often the gate came into a state.",
-            labels=("vehicle", "state"),
-        )
-        for name, count in changes.items():
-            transitions.add_metric((self._vehicle, name), count)
-        yield transitions
-        yield self._ages(received)
-        bad = CounterMetricFamily(
-            "dfvs_telemetry_unreadable", "Telemetry that was not understood.", labels=("vehicle",)
-        )
-        bad.add_metric((self._vehicle,), unreadable)
-        yield bad
+        is_in = {each.value: state.get("state") == each.value for each in GateState}
+        yield self._by_label(GaugeMetricFamily, _STATE, is_in)
+        setpoint = _by_axis(_AXES, state.get("setpoint"))
+        yield self._by_label(GaugeMetricFamily, _SETPOINT, setpoint)
+        velocity_error = _by_axis(_AXES[:3], servo.get("velocity_error"))
+        yield self._by_label(GaugeMetricFamily, _VELOCITY_ERROR, velocity_error)
+        yield self._by_label(CounterMetricFamily, _ENTRIES, changes)
+        now_ns = self._tick()
+        ages_s = {stream: (now_ns - t_ns) * 1e-9 for stream, t_ns in received.items()}
+        yield self._by_label(GaugeMetricFamily, _AGE, ages_s)
+        yield from self._numbers(CounterMetricFamily, _UNREADABLE, {"unreadable": unreadable})
 
     def _numbers(
         self,
-        family: type[GaugeMetricFamily] | type[CounterMetricFamily],
+        family: _Family,
         names: Mapping[str, tuple[str, str]],
         document: Mapping[str, Any],
     ) -> Iterator[Metric]:
@@ -156,31 +161,20 @@ class FlightMetrics:
                 metric.add_metric((self._vehicle,), value)
                 yield metric
 
-    def _states(self, document: Mapping[str, Any]) -> Metric:
-        states = GaugeMetricFamily(
-            "dfvs_gate_state", "1 for the state that the gate is in.", labels=("vehicle", "state")
-        )
-        for state in GateState:
-            states.add_metric((self._vehicle, state.value), document.get("state") == state.value)
-        return states
-
-    def _by_axis(self, described: tuple[str, str, tuple[str, ...]], values: object) -> Metric:
-        """Metric with a sample for every axis; ``values`` (4,) of the body, or unknown."""
-        name, text, axes = described
-        metric = GaugeMetricFamily(name, text, labels=("vehicle", "axis"))
-        if isinstance(values, list) and len(values) == len(_AXES):
-            for axis, value in zip(axes, values, strict=False):
-                if isinstance(value, int | float):
-                    metric.add_metric((self._vehicle, axis), value)
+    def _by_label(
+        self, family: _Family, described: tuple[str, str, str], values: Mapping[str, float]
+    ) -> Metric:
+        """Metric with a sample for every value of a label."""
+        name, text, label = described
+        metric = family(name, text, labels=("vehicle", label))
+        for key, value in values.items():
+            metric.add_metric((self._vehicle, key), value)
         return metric
 
-    def _ages(self, received_ns: Mapping[str, int]) -> Metric:
-        ages = GaugeMetricFamily(
-            "dfvs_telemetry_age_seconds",
-            "Time since a stream was last heard: everything else here is as old.",
-            labels=("vehicle", "stream"),
-        )
-        now_ns = self._tick()
-        for stream, t_ns in received_ns.items():
-            ages.add_metric((self._vehicle, stream), (now_ns - t_ns) * 1e-9)
-        return ages
+
+def _by_axis(axes: Sequence[str], values: object) -> dict[str, float]:
+    """Known values of some axes; ``values`` (4,) of the body, or unknown."""
+    if not isinstance(values, list) or len(values) != len(_AXES):
+        return {}
+    pairs = zip(axes, values, strict=False)
+    return {axis: value for axis, value in pairs if isinstance(value, int | float)}

@@ -48,8 +48,7 @@ def _record(words: Sequence[str]) -> int:
     # Zenoh, MCAP and protobuf are needed from here on, and take their time to load.
     require_record_extra()
     from dfvs_service.record.follow import Follower
-    from dfvs_service.record.process import record
-    from dfvs_service.record.progress import progress_text
+    from dfvs_service.record.process import progress_text, record
 
     folder = prepare_folder(arguments.out)
     follower = Follower(config)

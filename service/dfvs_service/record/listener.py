@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -35,19 +36,13 @@ class RecordListener:
         self._waiting_bytes = 0
         self.dropped = 0
         self._sequencer = RecordSequencer()
+        header, turn, flow = (topics.telemetry(name) for name in ("opening", "turn", "flow"))
         # Zenoh's subscribers carry no types where they are undeclared.
-        self._headers: Any = subscribe_kept(
-            session,
-            topics.telemetry("opening"),
-            lambda sample: self._put(SessionHeader, sample.payload.to_bytes()),
-        )
-        self._records: Any = session.declare_subscriber(
-            topics.telemetry("turn"),
-            lambda sample: self._put(FrameRecord, sample.payload.to_bytes()),
-        )
-        self._flows: Any = session.declare_subscriber(
-            topics.telemetry("flow"), lambda sample: self._put(FlowGrid, sample.payload.to_bytes())
-        )
+        self._subscribers: list[Any] = [
+            subscribe_kept(session, header, partial(self._put, SessionHeader)),
+            session.declare_subscriber(turn, partial(self._put, FrameRecord)),
+            session.declare_subscriber(flow, partial(self._put, FlowGrid)),
+        ]
 
     def receive(self, timeout_s: float) -> list[Event]:
         """Some of what came since, in order; waits at most so long for something to come."""
@@ -71,12 +66,12 @@ class RecordListener:
     def close(self) -> None:
         """Stop listening; what was not taken counts as dropped."""
         self.dropped += len(self._waiting)
-        self._headers.undeclare()
-        self._records.undeclare()
-        self._flows.undeclare()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()
 
-    def _put(self, kind: _Kind, data: bytes) -> None:
+    def _put(self, kind: _Kind, sample: zenoh.Sample) -> None:
         """Zenoh's thread: queue what fits."""
+        data = sample.payload.to_bytes()
         with self._condition:
             if self._waiting_bytes + len(data) > MAX_WAITING_BYTES:
                 self.dropped += 1

@@ -12,9 +12,8 @@ from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
-from dfvs_service.record.recorder import MB, RecordCounts, Recorder, RecordLimits
+from dfvs_service.record.recorder import RecordCounts, Recorder
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.record_sections import RecordSection
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +24,6 @@ class RecordSummary:
     name: str
     size_bytes: int
     counts: RecordCounts
-
-
-def limits_of(section: RecordSection) -> RecordLimits:
-    """Limits in bytes, from the settings' MB."""
-    return RecordLimits(
-        round(section.max_file_mb * MB),
-        round(section.max_total_mb * MB),
-        round(section.min_free_mb * MB),
-    )
 
 
 def free_name(folder: Path, name: str) -> str:
@@ -60,7 +50,7 @@ def record(
     """
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     name = free_name(folder, f"{config.vehicle.name}-{stamp}")
-    recorder = Recorder(folder, name, limits_of(config.record), time.monotonic_ns, _warn)
+    recorder = Recorder(folder, name, config.record, time.monotonic_ns, _warn)
     for events in follower.events():
         for message, payload in events:
             if isinstance(message, SessionHeader):
@@ -81,10 +71,6 @@ def record(
 class RecorderProcess:
     """Records the service that started it, in the folder of the settings.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-
     Raises
     ------
     ConfigError
@@ -103,6 +89,15 @@ class RecorderProcess:
     def run(self) -> None:
         """Record until told to stop."""
         record(self._config, self._folder, self._follower, lambda _: None)
+
+
+def progress_text(recorder: Recorder) -> str:
+    """What was recorded so far, and where."""
+    counts, path = recorder.counts, recorder.path
+    where = "waiting for a flight" if path is None else path.name
+    lost = counts.missing + counts.dropped
+    size_mb = recorder.size_bytes / 1e6
+    return f"{counts.records} frame records, {size_mb:.1f} MB, {lost} lost  {where}"
 
 
 def _warn(line: str) -> None:

@@ -54,13 +54,7 @@ def _records(reader: StreamReader, path: Path) -> Iterator[McapRecord]:
 
 
 def _unfold(chunk: Chunk) -> list[McapRecord]:
-    """Records of a chunk, whole and unharmed by its checksum.
-
-    Raises
-    ------
-    McapError
-        If it is not.
-    """
+    """Records of a chunk; McapError where it is not whole and unharmed by its checksum."""
     try:
         return breakup_chunk(chunk, validate_crc=True)
     except RuntimeError as error:  # what LZ4 says of data that are cut short

@@ -16,19 +16,11 @@ from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.mcap_file import McapFile
 from dfvs_service.record.messages.channels import Message
 from dfvs_service.record.messages.translation import Translation
+from dfvs_service.settings.record_sections import RecordSection
 
 MB = 1_000_000
 _SYNC_NS = 1_000_000_000
 _RETRY_NS = 5_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class RecordLimits:
-    """Size of one file, size of a recording, and space to be left on the disk, bytes."""
-
-    file_bytes: int = 1000 * MB
-    total_bytes: int = 20_000 * MB
-    free_bytes: int = 500 * MB
 
 
 @dataclass(slots=True)
@@ -54,7 +46,7 @@ class Recorder:
         Exists.
     name : str
         Files are called ``NAME-000.mcap``, ``NAME-001.mcap``, ...
-    limits : RecordLimits
+    section : RecordSection
         When to begin the next file and when to drop the oldest.
     tick : callable
         Monotonic time, ns.
@@ -66,13 +58,15 @@ class Recorder:
         self,
         folder: Path,
         name: str,
-        limits: RecordLimits,
+        section: RecordSection,
         tick: Callable[[], int],
         warn: Callable[[str], None],
     ) -> None:
         self._folder = folder
         self._name = name
-        self._limits = limits
+        self._file_bytes = round(section.max_file_mb * MB)
+        self._total_bytes = round(section.max_total_mb * MB)
+        self._free_bytes = round(section.min_free_mb * MB)
         self._tick = tick
         self._warn = warn
         self._header: tuple[SessionHeader, bytes] | None = None
@@ -145,12 +139,12 @@ class Recorder:
                 file.sync()
                 if not self._has_room():
                     self._finish()
-                    self._pause(f"less than {self._limits.free_bytes // MB} MB are free")
+                    self._pause(f"less than {self._free_bytes // MB} MB are free")
                     return True
         except OSError as error:
             self._pause(f"{file.path}: {error.strerror}")
             return False
-        if file.size_bytes >= self._limits.file_bytes:
+        if file.size_bytes >= self._file_bytes:
             self._finish()
         return True
 
@@ -159,7 +153,7 @@ class Recorder:
         if self._header is None or self._translation is None or self._tick() < self._retry_ns:
             return False
         if not self._has_room():
-            self._pause(f"less than {self._limits.free_bytes // MB} MB are free")
+            self._pause(f"less than {self._free_bytes // MB} MB are free")
             return False
         header, image = self._header
         path = self._folder / f"{self._name}-{self._begun:03d}.mcap"
@@ -194,7 +188,7 @@ class Recorder:
     def _make_room(self) -> None:
         """Remove this recording's oldest files while it would grow beyond its limit."""
         while self._written and (
-            sum(map(file_bytes, self._written)) + self._limits.file_bytes > self._limits.total_bytes
+            sum(map(file_bytes, self._written)) + self._file_bytes > self._total_bytes
         ):
             with contextlib.suppress(OSError):
                 self._written.pop(0).unlink()
@@ -202,7 +196,7 @@ class Recorder:
 
     def _has_room(self) -> bool:
         try:
-            return shutil.disk_usage(self._folder).free >= self._limits.free_bytes
+            return shutil.disk_usage(self._folder).free >= self._free_bytes
         except OSError:
             return False
 

@@ -60,11 +60,9 @@ def _replay(arguments: argparse.Namespace) -> int:
         if path is not None and not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")
     # ONNX Runtime, MCAP and protobuf take their time to load.
-    from dfvs_service.replay.comparison import compare
-    from dfvs_service.replay.documents import as_document
+    from dfvs_service.replay.comparison import as_document, compare
     from dfvs_service.replay.flight import Trial, replay
-    from dfvs_service.replay.html_report import html_report
-    from dfvs_service.replay.text_report import text_report
+    from dfvs_service.replay.reports import html_report, text_report
     from dfvs_service.settings.config import load_config
 
     settings = None if arguments.config is None else load_config(arguments.config, {})

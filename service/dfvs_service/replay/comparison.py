@@ -1,14 +1,16 @@
-"""Comparison of a recorded flight with its replay: differences and durations."""
+"""Comparison of a recorded flight with its replay: differences and durations, also as JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dfvs_core.messages.link import PerceptionReport
+from dfvs_core.messages.schema import dump
 from dfvs_service.replay.rerun import Rerun
 
 MATCH_STAGES = ("prepare", "match")
@@ -130,12 +132,38 @@ def _latency(reruns: Sequence[Rerun]) -> dict[str, Percentiles]:
     flown = [r.record.sight.stages_ns for r in whole if r.record.sight is not None]
     return {
         "match_recorded": _percentiles([sum(s[k] for k in MATCH_STAGES) for s in flown]),
-        "match_replayed": _percentiles([r.stages_ns["match"] for r in whole]),
+        "match_replayed": _percentiles([r.match_ns for r in whole]),
         "look_recorded": _percentiles([sum(s[k] for k in LOOK_STAGES) for s in flown]),
-        "look_replayed": _percentiles([r.stages_ns["look"] for r in whole]),
+        "look_replayed": _percentiles([r.look_ns for r in whole]),
     }
 
 
 def _percentiles(durations_ns: Sequence[int]) -> Percentiles:
     p50, p99 = (float(v) * 1e-6 for v in np.percentile(np.array(durations_ns), [50, 99]))
     return Percentiles(round(p50, 3), round(p99, 3))
+
+
+def as_document(comparison: Comparison, reasons: Sequence[str]) -> dict[str, Any]:
+    """All of a comparison as JSON; lengths in m, angles in rad."""
+    document: dict[str, Any] = dump(comparison)
+    return {
+        "is_identical": comparison.is_identical,
+        "must_be_identical": not reasons,
+        "reasons_to_differ": list(reasons),
+        **document,
+        "frames": [_frame(frame) for frame in comparison.frames],
+    }
+
+
+def _frame(frame: FrameDifference) -> dict[str, Any]:
+    """One frame; of the reports what is flown by."""
+    document: dict[str, Any] = dump(frame)
+    for name, report in (("recorded", frame.recorded), ("replayed", frame.replayed)):
+        document[name] = {
+            "healthy": report.healthy,
+            "reason": report.reason,
+            "velocity": list(report.velocity),
+            "error_m": report.error_m,
+            "error_rad": report.error_rad,
+        }
+    return document

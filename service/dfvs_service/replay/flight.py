@@ -1,7 +1,7 @@
 """Replay of a whole recording, with the reasons why results may differ."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
@@ -12,17 +12,33 @@ from dfvs_service.perception.build import build_versions
 from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
-from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
+from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.sections import FlowSection
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What to try in place of what was flown: settings, and a model ("" for none)."""
+    """What to try in place of what was flown.
+
+    ``settings`` give ``servo``, ``flow`` and ``depth``; ``model`` is a name or a folder, empty: as
+    the settings say.
+    """
 
     settings: ServiceConfig | None = None
     model: str = ""
+
+    def applied_to(self, config: ServiceConfig) -> ServiceConfig:
+        """Settings of a flight, of which camera and goal stay, with what is to be tried."""
+        if self.settings is not None:
+            flow = self.settings.flow
+            if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
+                flow = replace(flow, working_width_px=config.flow.working_width_px)
+            tried = self.settings
+            config = replace(config, servo=tried.servo, flow=flow, depth=tried.depth)
+        if self.model:
+            config = replace(config, flow=replace(config.flow, model=self.model))
+        return config
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +57,7 @@ class Replay:
 
 
 class FlightReplay:
-    """Reruns the frame records of a recording one by one.
-
-    Parameters
-    ----------
-    trial : Trial
-    """
+    """Reruns the frame records of a recording one by one."""
 
     def __init__(self, trial: Trial) -> None:
         self._trial = trial
@@ -69,7 +80,7 @@ class FlightReplay:
         DfvsError
             If settings or model cannot be used.
         """
-        config = with_trial(recorded_settings(header), self._trial.settings, self._trial.model)
+        config = self._trial.applied_to(recorded_settings(header))
         if header.first_turn == 0:
             self._next_record = 0
         flow = config.flow

@@ -43,12 +43,8 @@ def replay_gate(words: Sequence[str]) -> int:
         raise ConfigError(f"cannot read {arguments.journal} ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{arguments.journal} is no journal of the gate ({error})") from error
-    print(_as_json(result) if arguments.json else _as_text(result))
+    print(json.dumps(dataclasses.asdict(result)) if arguments.json else _as_text(result))
     return EXIT_FAILED if result.difference else EXIT_OK
-
-
-def _as_json(result: Replay) -> str:
-    return json.dumps(dataclasses.asdict(result))
 
 
 def _as_text(result: Replay) -> str:

@@ -5,9 +5,8 @@ They are part of every frame record, so the same code, model and settings give t
 """
 
 import contextlib
-import dataclasses
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dfvs_core.depth.network import DepthEstimator
@@ -31,13 +30,14 @@ from dfvs_service.settings.config import ServiceConfig
 class Rerun:
     """One frame, as it was in flight and as it is now.
 
-    ``stages_ns`` holds how long matching and all of the look took now; ``FrameInput.stages_ns``
-    says so for then.
+    ``match_ns`` and ``look_ns`` say how long matching and all of the look took now;
+    ``FrameInput.stages_ns`` says so for then.
     """
 
     record: FrameRecord
     report: PerceptionReport
-    stages_ns: dict[str, int]
+    match_ns: int
+    look_ns: int
 
     @property
     def is_identical(self) -> bool:
@@ -56,9 +56,8 @@ class _Clock:
 class TimedMatcher:
     """A matcher that keeps count of how long it takes."""
 
-    def __init__(self, matcher: Matcher, tick: Callable[[], int]) -> None:
+    def __init__(self, matcher: Matcher) -> None:
         self._matcher = matcher
-        self._tick = tick
         self.spent_ns = 0
 
     def encode(self, image: ImageArray) -> ImageFeatures:
@@ -89,9 +88,9 @@ class TimedMatcher:
 
     @contextlib.contextmanager
     def _timed(self) -> Iterator[None]:
-        start_ns = self._tick()
+        start_ns = time.monotonic_ns()
         yield
-        self.spent_ns += self._tick() - start_ns
+        self.spent_ns += time.monotonic_ns() - start_ns
 
 
 def recorded_settings(header: SessionHeader) -> ServiceConfig:
@@ -148,7 +147,7 @@ class Rerunner:
         goal = recorded_goal(header, image)
         self._look, self._servo = _Clock(), _Clock()
         clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
-        self._timed = TimedMatcher(matcher, time.monotonic_ns)
+        self._timed = TimedMatcher(matcher)
         self._frame_processor = build_frame_processor(config, goal, self._timed, clocks, depth)
         self.processed: ProcessedFrame | None = None
         """What became of the newest sample."""
@@ -174,42 +173,12 @@ class Rerunner:
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
         processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        depth_ns = self._work_between_frames()
+        self._frame_processor.work_between_frames()
         self.processed = processed
-        return Rerun(
-            record, processed.report, {"match": match_ns, "look": look_ns, "depth": depth_ns}
-        )
+        return Rerun(record, processed.report, match_ns, look_ns)
 
     def _set_back(self, sight: FrameInput, payload: bytes) -> RawSample:
         """Put the clocks to the times of then."""
         self._look.now_ns = sight.t_look_ns
         self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
         return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
-
-    def _work_between_frames(self) -> int:
-        start_ns = time.monotonic_ns()
-        self._frame_processor.work_between_frames()
-        return time.monotonic_ns() - start_ns
-
-
-def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -> ServiceConfig:
-    """Recorded settings with the servo law and matcher of others, and with another model.
-
-    Parameters
-    ----------
-    config : ServiceConfig
-        Of the flight; its camera and goal stay.
-    trial : ServiceConfig or None
-        Gives ``servo``, ``flow`` and ``depth``.
-    model : str
-        Name or folder; empty: as the settings say.
-    """
-    if trial is not None:
-        flow = trial.flow
-        if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
-            width_px = config.flow.working_width_px
-            flow = dataclasses.replace(flow, working_width_px=width_px)
-        config = dataclasses.replace(config, servo=trial.servo, flow=flow, depth=trial.depth)
-    if model:
-        config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
-    return config

@@ -43,14 +43,10 @@ class BlackBoxFlight:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self.name = folder.name
         header = next(read_lines(folder / layout.HEADER), {})
         start_ns = header.get("started_ns")
         self._start_ns = start_ns if isinstance(start_ns, int) else None
-
-    @property
-    def name(self) -> str:
-        """Name of the flight."""
-        return self._folder.name
 
     def read(self) -> Flight:
         """Read all but the views."""

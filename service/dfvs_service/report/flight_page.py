@@ -1,9 +1,8 @@
 """HTML page of a flight."""
 
 import base64
-import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -14,7 +13,7 @@ from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Page, Table, Video, View, render
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries
-from dfvs_service.report.thumbnails import Thumbnails, collect
+from dfvs_service.report.thumbnails import collect
 from dfvs_service.report.video import VideoWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000
@@ -49,29 +48,21 @@ def make_report(
         If the video cannot be written or the views cannot be read.
     """
     video_path.unlink(missing_ok=True)
-    with _video(video_path, flight, source.video_rate_hz) as video:
+    video = VideoWriter(video_path, flight, source.video_rate_hz)
 
-        def on_view(view: FlightView) -> None:
-            video.add(view)
-            show(view)
+    def on_view(view: FlightView) -> None:
+        video.add(view)
+        show(view)
 
-        thumbnails = collect(flight, source.views(), on_view)
-        has_video = video.close()
-    return render(_page(flight, thumbnails, video_path if has_video else None, source.note))
-
-
-@contextlib.contextmanager
-def _video(path: Path, flight: Flight, rate_hz: int) -> Iterator[VideoWriter]:
-    """Video that leaves nothing behind where it was not brought to its end."""
-    video = VideoWriter(path, flight, rate_hz)
     try:
-        yield video
+        strip = collect(flight, source.views(), on_view)
+        has_video = video.close()
     finally:
         video.abandon()
+    return render(_page(flight, strip, video_path if has_video else None, source.note))
 
 
-def _page(flight: Flight, thumbnails: Thumbnails, video: Path | None, note: str) -> Page:
-    series = flight.series
+def _page(flight: Flight, strip: Sequence[FlightView], video: Path | None, note: str) -> Page:
     return Page(
         title=flight.summary.name,
         verdict=flight.summary.verdict,
@@ -80,21 +71,21 @@ def _page(flight: Flight, thumbnails: Thumbnails, video: Path | None, note: str)
         figures=_figures(flight),
         charts=_charts(flight),
         line=flight.line,
-        views=_views(flight, thumbnails),
-        strip=tuple(View(_caption(flight, view), view.image) for view in thumbnails.strip),
-        path=path_chart([(n, e) for t_s, n, e in series.path if flight.line.shows(t_s)]),
+        views=_views(flight, strip),
+        strip=tuple(View(_caption(flight, view), view.image) for view in strip),
+        path=path_chart([(n, e) for t_s, n, e in flight.series.path if flight.line.shows(t_s)]),
         tables=(
             _states(flight),
             _faults(flight),
             Table("Errors and warnings", ("text",), tuple((t,) for t in flight.summary.told)),
-            _timing(flight, series),
+            _timing(flight),
         ),
         texts=(
             ("Settings, angles in rad", flight.settings),
             ("Versions of code, libraries and model", flight.build),
         ),
         video=None if video is None else _embedded(video, flight.line.from_s),
-        note=note if thumbnails.strip else "",
+        note=note if strip else "",
     )
 
 
@@ -196,11 +187,12 @@ def _commanded_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]
     )
 
 
-def _views(flight: Flight, thumbnails: Thumbnails) -> tuple[View, ...]:
+def _views(flight: Flight, strip: Sequence[FlightView]) -> tuple[View, ...]:
     """Goal, last view, and what is left between them."""
-    goal, last = flight.goal_at(math.inf), thumbnails.last
+    goal = flight.goal_at(math.inf)
     views = [] if goal is None else [View("Goal", goal)]
-    if last is not None:
+    if strip:
+        last = strip[-1]
         views.append(View(f"Last view under control, {_caption(flight, last)}", last.image))
         if goal is not None:
             views.append(View("Last view − goal: grey is equal", _difference(last.image, goal)))
@@ -250,10 +242,10 @@ def _faults(flight: Flight) -> Table:
     return Table("Faults", head, rows, head[:3], "None in the time of the plots.")
 
 
-def _timing(flight: Flight, series: FlightSeries) -> Table:
+def _timing(flight: Flight) -> Table:
     rows = tuple(
         (name.replace("_", " "), f"{p50:.1f}", f"{p99:.1f}")
-        for name, (p50, p99) in series.stage_percentiles(*flight.flown).items()
+        for name, (p50, p99) in flight.series.stage_percentiles(*flight.flown).items()
     )
     head = ("stage", "p50, ms", "p99, ms")
     return Table("Time of each stage", head, rows, head[1:], "Nothing was recorded.")

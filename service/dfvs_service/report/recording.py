@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
@@ -12,8 +11,8 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import GateStatus
-from dfvs_service.flights.records import FlightSummary, StateChange
-from dfvs_service.frame_record_image import record_image
+from dfvs_service.flights.records import FlightSummary, StateChange, utc_time
+from dfvs_service.frames import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import Run, StateLog, in_order, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
@@ -36,12 +35,8 @@ class RecordedFlight:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = in_order(paths)
+        self.name = self._paths[0].stem.removesuffix("-000")
         self.note = ""
-
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return self._paths[0].stem.removesuffix("-000")
 
     def read(self) -> Flight:
         """Read all but the views.
@@ -143,7 +138,7 @@ class _Reader:
             name=name,
             folder=str(paths[0].parent),
             vehicle=first.vehicle,
-            started=_utc(self._runs[0]),
+            started=utc_time(self._runs[0].unix_ns),
             duration_s=max(self._end_s, 0.0),
             status="ended",
             exit_code=0 if self._is_reached else None,
@@ -164,15 +159,11 @@ class _Reader:
         )
 
 
-def _utc(run: Run) -> str:
-    return datetime.fromtimestamp(run.unix_ns / S, UTC).isoformat(timespec="seconds")
-
-
 def _several(runs: Sequence[Run]) -> tuple[str, ...]:
     """Line about a recording of several runs, whose times do not hold the time between them."""
     if len(runs) < 2:
         return ()
-    begins = ", ".join(f"{run.from_ns / S:.1f} s ({_utc(run)})" for run in runs)
+    begins = ", ".join(f"{run.from_ns / S:.1f} s ({utc_time(run.unix_ns)})" for run in runs)
     return (f"the recording holds {len(runs)} runs of the service, which begin at {begins}",)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,24 +10,9 @@ from dfvs_service.report.flight import Flight, FlightView
 _STRIP_VIEWS = 6
 
 
-@dataclass(slots=True)
-class Thumbnails:
-    """Views at even steps of the way that was left, the last one among them.
-
-    The last view is the last one before the vehicle was handed back.
-    """
-
-    strip: list[FlightView] = field(default_factory=list)
-
-    @property
-    def last(self) -> FlightView | None:
-        """Last view."""
-        return self.strip[-1] if self.strip else None
-
-
 def collect(
     flight: Flight, views: Iterable[FlightView], on_view: Callable[[FlightView], None]
-) -> Thumbnails:
+) -> list[FlightView]:
     """Go through the views up to the end of what a report shows, and pick some.
 
     Parameters
@@ -38,8 +22,15 @@ def collect(
         Oldest first.
     on_view : callable
         Is given every view.
+
+    Returns
+    -------
+    list of FlightView
+        Views at even steps of the way that was left; the last one is the last before the vehicle
+        was handed back.
     """
-    thumbnails, line, (from_s, to_s) = Thumbnails(), flight.line, flight.flown
+    strip: list[FlightView] = []
+    line, (from_s, to_s) = flight.line, flight.flown
     wanted = _strip_times(flight)
     last: FlightView | None = None
     for view in views:
@@ -50,11 +41,11 @@ def collect(
             continue
         last = view
         if wanted and view.t_s >= max(wanted[0], from_s):
-            thumbnails.strip.append(view)
+            strip.append(view)
             wanted = [t_s for t_s in wanted if t_s > view.t_s]
-    if last is not None and thumbnails.last is not last:
-        thumbnails.strip = [*thumbnails.strip[: _STRIP_VIEWS - 1], last]
-    return thumbnails
+    if last is not None and (not strip or strip[-1] is not last):
+        strip = [*strip[: _STRIP_VIEWS - 1], last]
+    return strip
 
 
 def _strip_times(flight: Flight) -> list[float]:

@@ -44,10 +44,6 @@ _COLOURS = {
 _GREY = (110, 119, 129)
 
 
-class VideoError(ConfigError):
-    """A video that cannot be written."""
-
-
 class VideoWriter:
     """Writes the video of a flight, at an even rate and in its own time.
 
@@ -77,7 +73,7 @@ class VideoWriter:
 
         Raises
         ------
-        VideoError
+        ConfigError
             If the video cannot be written.
         """
         if self._writer is None:
@@ -91,7 +87,7 @@ class VideoWriter:
 
         Raises
         ------
-        VideoError
+        ConfigError
             If it cannot be written.
         """
         self._show_until(self._line.to_s)
@@ -99,11 +95,11 @@ class VideoWriter:
             return False
         self._writer.release()
         if not cv2.VideoCapture(str(self._partial)).isOpened():
-            raise VideoError(f"{self._path} cannot be written", "room on the disk")
+            raise ConfigError(f"{self._path} cannot be written", "room on the disk")
         try:
             os.replace(self._partial, self._path)
         except OSError as error:
-            raise VideoError(f"{self._path} cannot be written ({error.strerror})") from error
+            raise ConfigError(f"{self._path} cannot be written ({error.strerror})") from error
         return True
 
     def abandon(self) -> None:
@@ -124,7 +120,7 @@ class VideoWriter:
                 (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
             )
         if not writer.isOpened():
-            raise VideoError(
+            raise ConfigError(
                 f"no video can be written to {self._path}",
                 "a writable folder, and an OpenCV that writes VP8 as its wheels do",
             )

@@ -5,7 +5,6 @@ import contextlib
 import dataclasses
 import logging
 import sys
-import threading
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
@@ -13,7 +12,6 @@ from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link
-from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 _EPILOG = """\
@@ -29,13 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Relay until interrupted; returns the exit code."""
     arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
-    return run_command(lambda: _run(arguments))
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    stop = stop_event()
-    _relay(settings_from(arguments), arguments, stop)
-    return EXIT_OK
+    return run_command(lambda: _relay(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -61,14 +53,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading.Event) -> None:
-    """Relay until stopped.
-
-    Raises
-    ------
-    DfvsError
-        If rosbags is missing or an option is wrong.
-    """
+def _relay(arguments: argparse.Namespace) -> int:
+    stop, config = stop_event(), settings_from(arguments)
     if not 0 <= arguments.domain <= 232:
         raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
@@ -80,7 +66,7 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
     with contextlib.ExitStack() as stack:
         service = open_persistently(operators_zenoh(config.zenoh), stop.is_set, _log)
         if service is None:
-            return
+            return EXIT_OK
         ros = stack.enter_context(service)
         if arguments.ros is not None:
             section = dataclasses.replace(
@@ -88,12 +74,13 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
             )
             other = open_persistently(section, stop.is_set, _log)
             if other is None:
-                return
+                return EXIT_OK
             ros = stack.enter_context(other)
         relay = Relay(config.vehicle.name, (service, ros), link, arguments.domain)
         names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
         log(f"publishing {names}")
         stop.wait()
+    return EXIT_OK
 
 
 def _log(line: str) -> None:

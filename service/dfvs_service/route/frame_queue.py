@@ -72,18 +72,15 @@ class FrameQueue:
     ) -> None:
         self.clock = local_clock()
         self._source = make_frame_source(config, self.clock)
+        self.key = self._source.key
+        """Where frames are awaited."""
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._log = log
         self._last_problem = ""
         # The subscription lives as long as the reference to it.
         self._subscriber: zenoh.Subscriber[None] | None = session.declare_subscriber(
-            self._source.key, self._on_sample
+            self.key, self._on_sample
         )
-
-    @property
-    def key(self) -> str:
-        """Where frames are awaited."""
-        return self._source.key
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()

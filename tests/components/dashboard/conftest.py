@@ -27,7 +27,7 @@ class Field:
 
 
 @pytest.fixture(scope="session")
-def field(tmp_path_factory):
+def vehicles(tmp_path_factory):
     folder = tmp_path_factory.mktemp("keys")
     for name in ("operator.token", "command.key"):
         create_key(folder / name)
@@ -40,9 +40,16 @@ def field(tmp_path_factory):
         yield Field(swift, heron, endpoints, folder / "operator.token", folder / "command.key")
 
 
+@pytest.fixture
+def field(vehicles):
+    """The vehicles; after a test the first one approaches its goal again."""
+    yield vehicles
+    vehicles.swift.is_paused, vehicles.swift.mounting_score = False, 12.3
+    vehicles.swift.enter("SERVO", "good data")
+
+
 @pytest.fixture(scope="session")
-def server(field):
-    words = ("--operator-token", field.token_file, "--command-key", field.key_file)
-    server = Server(field.endpoints, tuple(map(str, words))).start()
-    yield server
-    server.kill()
+def server(vehicles):
+    words = ("--operator-token", vehicles.token_file, "--command-key", vehicles.key_file)
+    with Server(vehicles.endpoints, tuple(map(str, words))) as server:
+        yield server

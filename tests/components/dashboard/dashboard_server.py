@@ -15,7 +15,7 @@ STARTUP_S = 30.0
 
 @dataclasses.dataclass
 class Server:
-    """``dfvs-dashboard`` on a port of its own; can be killed and started again."""
+    """``dfvs-dashboard`` on a port of its own; as a context it runs, and is killed at the end."""
 
     endpoints: list
     words: tuple = ()
@@ -26,6 +26,12 @@ class Server:
     @property
     def url(self):
         return f"{'http' if self.tls is None else 'https'}://127.0.0.1:{self.port}/"
+
+    def __enter__(self):
+        return self.start()
+
+    def __exit__(self, *_):
+        self.kill()
 
     def start(self):
         command = [sys.executable, "-m", "dfvs_service.dashboard.cli", "--port", str(self.port)]

@@ -71,9 +71,15 @@ def watch(page, vehicle):
     page.frames_rise()
 
 
-def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, field, open_page):
+@pytest.fixture
+def page(server, field, open_page):
+    """A page that shows the vehicle swift."""
     page = open_page(server.url)
     watch(page, "swift")
+    return page
+
+
+def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, page):
     first = page.pixels()
     assert first["brightness"] > 20
     page.wait(f"hash => ({PIXELS})().hash !== hash", first["hash"])
@@ -88,9 +94,7 @@ def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, fiel
     assert page.complaints == []
 
 
-def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(page):
     page.wait(f"() => ({BAND_PIXELS})() > 300")
     for name, pattern in (
         ("Distance to goal", r"^\d\.\d{3} ± \d\.\d{3} m$"),
@@ -104,65 +108,45 @@ def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(server,
 
 def test_without_an_uncertainty_there_is_neither_a_band_nor_a_spread(field, open_page):
     endpoint = free_endpoint()
-    server = Server([endpoint]).start()
-    try:
-        with TelemetryVehicle(endpoint, "plain") as vehicle:
-            vehicle.knows_uncertainty, vehicle.mounting_score = False, None
-            page = open_page(server.url)
-            watch(page, "plain")
-            for name in ("Mean distance, 1 s", "Scale spread", "Velocity error", "Mounting"):
-                page.wait(f"name => ({NUMBER})(name).startsWith('–')", name)
-            page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
-            page.page.wait_for_selector("#plots canvas")
-            page.frames_rise(20)
-            assert page.page.evaluate(BAND_PIXELS) < 50
-            assert page.complaints == []
-    finally:
-        server.kill()
+    with Server([endpoint]) as server, TelemetryVehicle(endpoint, "plain") as vehicle:
+        vehicle.knows_uncertainty, vehicle.mounting_score = False, None
+        page = open_page(server.url)
+        watch(page, "plain")
+        for name in ("Mean distance, 1 s", "Scale spread", "Velocity error", "Mounting"):
+            page.wait(f"name => ({NUMBER})(name).startsWith('–')", name)
+        page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
+        page.page.wait_for_selector("#plots canvas")
+        page.frames_rise(20)
+        assert page.page.evaluate(BAND_PIXELS) < 50
+        assert page.complaints == []
 
 
-def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(
-    server, field, open_page
-):
-    page = open_page(server.url)
-    watch(page, "swift")
-    try:
-        for score, text in ((12.3, "ok 12.3 σ"), (-4.9, "undecided "), (-5.0, "wrong 5.0 σ")):
-            field.swift.mounting_score = score
-            page.wait(f"text => ({NUMBER})('Mounting') === text", text)
-    finally:
-        field.swift.mounting_score = 12.3
+def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(field, page):
+    for score, text in ((12.3, "ok 12.3 σ"), (-4.9, "undecided "), (-5.0, "wrong 5.0 σ")):
+        field.swift.mounting_score = score
+        page.wait(f"text => ({NUMBER})('Mounting') === text", text)
 
 
-def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_flow_confidence_and_ways_to_compare_change_the_picture(field, page):
     page.wait("() => Object.values(dfvsScreen().has).every(Boolean)")
     field.swift.pause_halfway()
-    try:
-        page.wait("() => !document.getElementById('view-notice').hidden")
-        seen = {page.pixels()["hash"]}
-        for key in ("f", "c", "2", "ArrowLeft", "3", "4", "f", "1"):
-            page.page.keyboard.press(key)
-            page.wait(f"seen => !seen.includes(({PIXELS})().hash)", list(seen))
-            seen.add(page.pixels()["hash"])
-    finally:
-        field.swift.is_paused = False
+    page.wait("() => !document.getElementById('view-notice').hidden")
+    seen = {page.pixels()["hash"]}
+    for key in ("f", "c", "2", "ArrowLeft", "3", "4", "f", "1"):
+        page.page.keyboard.press(key)
+        page.wait(f"seen => !seen.includes(({PIXELS})().hash)", list(seen))
+        seen.add(page.pixels()["hash"])
 
 
-def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_old_data_are_called_old_and_new_ones_clear_that(field, page):
     field.swift.is_paused = True
-    try:
-        page.wait("() => document.getElementById('state').textContent === 'STALE: was SERVO'")
-        assert "Nothing heard since" in page.text("cause")
-        assert page.page.title().startswith("STALE")
-        page.wait("() => !document.getElementById('view-notice').hidden")
-        assert "NO NEW IMAGE" in page.text("view-notice")
-    finally:
-        field.swift.is_paused = False
-    page.wait("() => document.getElementById('state').textContent === 'SERVO'")
+    page.wait_text("state", "STALE: was SERVO")
+    assert "Nothing heard since" in page.text("cause")
+    assert page.page.title().startswith("STALE")
+    page.wait("() => !document.getElementById('view-notice').hidden")
+    assert "NO NEW IMAGE" in page.text("view-notice")
+    field.swift.is_paused = False
+    page.wait_text("state", "SERVO")
     page.page.wait_for_selector("#view-notice", state="hidden")
 
 
@@ -172,9 +156,8 @@ NOT_GOOD = "text => (e => e.dataset.ok !== 'yes' && e.textContent.includes(text)
 
 
 def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
-    server = Server(field.endpoints).start()
-    page = open_page(server.url)
-    try:
+    with Server(field.endpoints) as server:
+        page = open_page(server.url)
         watch(page, "swift")
         page.wait(GOOD)
         assert page.text("verdict") == "✓ valid"
@@ -190,16 +173,11 @@ def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
         assert page.page.evaluate(OPACITY) == "1"
         server.kill()
         page.wait(NOT_GOOD, "s old")
-    finally:
-        field.swift.is_paused = False
-        field.swift.enter("SERVO", "good data")
-        server.kill()
 
 
 def test_it_reconnects_by_itself_after_the_server_was_killed(field, open_page):
-    server = Server(field.endpoints).start()
-    page = open_page(server.url)
-    try:
+    with Server(field.endpoints) as server:
+        page = open_page(server.url)
         watch(page, "heron")
         server.kill()
         page.page.wait_for_selector("#alarm", state="visible")
@@ -210,32 +188,26 @@ def test_it_reconnects_by_itself_after_the_server_was_killed(field, open_page):
         page.frames_rise()
         assert page.page.input_value("#vehicle") == "heron"
         assert page.text("state") == "SERVO"
-    finally:
-        server.kill()
 
 
-def test_an_operator_signs_in_and_holds_and_engages_after_a_question(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_signs_in_and_holds_and_engages_after_a_question(field, page):
     assert page.page.is_hidden("#operator")
     page.sign_in(field.token)
     page.page.click("#hold:enabled")
-    page.wait("() => document.getElementById('answer').textContent === 'accepted: hold'")
-    page.wait("() => document.getElementById('state').textContent === 'HOLD'")
+    page.wait_text("answer", "accepted: hold")
+    page.wait_text("state", "HOLD")
     field.swift.enter("READY", "checks passed")
     page.page.click("#engage:enabled")
     page.page.click("#confirm-cancel")
     page.page.click("#engage:enabled")
     page.page.click("#confirm-ok")
-    page.wait("() => document.getElementById('state').textContent === 'SERVO'")
+    page.wait_text("state", "SERVO")
     assert field.swift.orders[-2:] == ["accepted: hold", "accepted: engage"]
     page.page.click("#sign")
     page.page.wait_for_selector("#operator", state="hidden")
 
 
-def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, field, open_page):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(field, page):
     page.sign_in(field.token)
     field.swift.enter("READY", "checks passed")
     picture, sidecar = encode_jpeg(field.swift.views[0]), '{"format": "dfvs-goal/1"}'
@@ -246,28 +218,20 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, fiel
     ]
     page.page.set_input_files("#goal-files", files)
     page.page.click("#confirm-ok")
-    page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
+    page.wait_text("answer", "accepted: goal")
     assert field.swift.goals[-1] == GoalCommand(picture, sidecar)
-    field.swift.enter("SERVO", "good data")
 
 
-def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(
-    server, field, open_page
-):
-    page = open_page(server.url)
-    watch(page, "swift")
+def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(field, page):
     assert page.page.is_hidden("#take-view")  # a viewer may not
     page.sign_in(field.token)
     field.swift.enter("HOLD", "operator commanded to hold")
-    try:
-        page.page.click("#take-view:enabled")
-        assert page.page.get_attribute("#confirm-image", "src").startswith("blob:")
-        page.page.click("#confirm-cancel")
-        page.page.click("#take-view:enabled")
-        page.page.click("#confirm-ok")
-        page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
-    finally:
-        field.swift.enter("SERVO", "good data")
+    page.page.click("#take-view:enabled")
+    assert page.page.get_attribute("#confirm-image", "src").startswith("blob:")
+    page.page.click("#confirm-cancel")
+    page.page.click("#take-view:enabled")
+    page.page.click("#confirm-ok")
+    page.wait_text("answer", "accepted: goal")
     order = field.swift.goals[-1]
     assert order.image in [encode_jpeg(view) for view in field.swift.views]
     attitude = json.loads(order.sidecar)
@@ -297,11 +261,8 @@ def test_everything_fits_and_has_a_name(server, field, open_page, size):
 
 def test_a_page_waits_for_a_vehicle_that_is_not_there_yet(open_page):
     endpoint = free_endpoint()
-    server = Server([endpoint]).start()
-    try:
+    with Server([endpoint]) as server:
         page = open_page(server.url)
         page.page.wait_for_selector("#cause:has-text('Waiting for a service')")
         with TelemetryVehicle(endpoint, "late"):
             watch(page, "late")
-    finally:
-        server.kill()

@@ -5,12 +5,12 @@ import contextlib
 import json
 import ssl
 import struct
-import subprocess
 import time
 
 import pytest
 from dashboard_server import Server
 from loopback import free_endpoint
+from self_signed import self_signed
 from telemetry_vehicle import TelemetryVehicle
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -70,6 +70,10 @@ class Browser:
         if kind == 1:
             self.say(type="seen")
 
+    def see_more_views(self):
+        seen = len(self.pictures.get(1, []))
+        self.hear_until(lambda _: len(self.pictures.get(1, [])) > seen + 3)
+
     def watch(self, vehicle):
         self.hear_until(lambda news: vehicle in [v["name"] for v in news.get("vehicles", [])])
         self.say(type="watch", vehicle=vehicle)
@@ -126,7 +130,6 @@ def test_only_an_operator_s_order_reaches_the_vehicle(server, field):
         assert answers[0]["text"] == "accepted: hold"
         browser.hear_until(lambda news: news["state"]["state"] == "HOLD")
     assert field.swift.orders[given:] == ["accepted: hold"]
-    field.swift.enter("SERVO", "good data")
 
 
 @pytest.mark.parametrize("order", ["arm", "", "takeoff", None, {"a": 1}])
@@ -183,60 +186,36 @@ def test_messages_that_are_not_understood_end_that_connection_alone(server, fiel
             browser.send(message)
             with pytest.raises(ConnectionClosed):
                 browser.hear_until(lambda _: False)
-        seen = len(other.pictures.get(1, []))
-        other.hear_until(lambda _: len(other.pictures.get(1, [])) > seen + 3)
+        other.see_more_views()
 
 
 def test_a_service_that_starts_later_and_again_is_found():
     endpoint = free_endpoint()
-    server = Server([endpoint]).start()
-    try:
-        with Browser(server) as browser:
-            for cause in ("first", "second"):
-                with TelemetryVehicle(endpoint, "late") as vehicle:
-                    vehicle.enter("READY", cause)
-                    browser.watch("late")
-                    browser.hear_until(lambda news, cause=cause: news["state"]["cause"] == cause)
-                    seen = len(browser.pictures.get(1, []))
-                    browser.hear_until(
-                        lambda _, seen=seen: len(browser.pictures.get(1, [])) > seen + 3
-                    )
-    finally:
-        server.kill()
+    with Server([endpoint]) as server, Browser(server) as browser:
+        for cause in ("first", "second"):
+            with TelemetryVehicle(endpoint, "late") as vehicle:
+                vehicle.enter("READY", cause)
+                browser.watch("late")
+                browser.hear_until(lambda news, cause=cause: news["state"]["cause"] == cause)
+                browser.see_more_views()
 
 
 def test_a_signal_ends_it_in_order_though_pages_are_open(field):
-    server = Server(field.endpoints).start()
-    with Browser(server) as browser:
+    with Server(field.endpoints) as server, Browser(server) as browser:
         browser.watch("heron")
         server.process.terminate()
         assert server.process.wait(30.0) == 0
 
 
-@pytest.fixture
-def certificate(tmp_path):
-    cert, key = str(tmp_path / "cert.pem"), str(tmp_path / "key.pem")
-    command = [
-        *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
-        *("-nodes", "-subj", "/CN=drone", "-addext", "subjectAltName=IP:127.0.0.1"),
-        *("-keyout", key, "-out", cert),
-    ]
-    subprocess.run(command, check=True, capture_output=True)
-    return cert, key
-
-
-def test_beyond_this_machine_it_is_encrypted_and_shows_nothing_without_a_token(field, certificate):
-    cert, key = certificate
+def test_beyond_this_machine_it_is_encrypted_and_shows_nothing_without_a_token(field, tmp_path):
+    cert, key = self_signed(tmp_path)
     words = ["--host", "0.0.0.0", "--name", "127.0.0.1", "--cert", cert, "--key", key]
     words += ["--viewer-token", str(field.token_file)]
     context = ssl.create_default_context(cafile=cert)
-    server = Server(field.endpoints, tuple(words), tls=context).start()
-    try:
+    with Server(field.endpoints, tuple(words), tls=context) as server:
         with Browser(server) as browser, pytest.raises(ConnectionClosed) as closed:
             browser.hear_until(lambda news: "vehicles" in news)
         assert closed.value.rcvd.code == 4401
         assert browser.news == {}
         with Browser(server, field.token) as browser:
             assert browser.watch("swift")["welcome"]["can_command"] is False
-    finally:
-        server.kill()

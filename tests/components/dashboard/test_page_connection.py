@@ -45,9 +45,6 @@ def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
     server.page.wait(WATCHED, "swift")
 
 
-ANSWER = "text => document.getElementById('answer').textContent === text"
-
-
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""
@@ -63,7 +60,7 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.keyboard.press("Shift+A")
-    operated.page.wait(ANSWER, "abort NOT sent: no connection")
+    operated.page.wait_text("answer", "abort NOT sent: no connection")
     assert operated.page.page.get_attribute("#answer", "data-ok") == "no"
     assert operated.commands == []
 
@@ -71,18 +68,18 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
 def test_a_command_whose_connection_is_lost_is_called_not_answered(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands == [("swift", "hold")])
-    operated.page.wait(ANSWER, "hold sent …")
+    operated.page.wait_text("answer", "hold sent …")
     operated.close()
-    operated.page.wait(ANSWER, "hold not answered: connection lost")
+    operated.page.wait_text("answer", "hold not answered: connection lost")
 
 
 def test_an_answer_stays_when_the_connection_is_lost(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands)
     operated.say(answers=[{"command": "hold", "accepted": True, "text": "accepted: hold"}])
-    operated.page.wait(ANSWER, "accepted: hold")
+    operated.page.wait_text("answer", "accepted: hold")
     operated.close()
-    operated.page.wait(ANSWER, "accepted: hold")
+    operated.page.wait_text("answer", "accepted: hold")
 
 
 def test_a_goal_without_a_connection_is_called_not_sent(operated):
@@ -94,7 +91,7 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.click("#confirm-ok")
-    operated.page.wait(ANSWER, "goal NOT sent: no connection")
+    operated.page.wait_text("answer", "goal NOT sent: no connection")
 
 
 def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):

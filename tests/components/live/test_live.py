@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import websockets
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from loopback import listening_peer
 from recorded_flight import fly
 from waiting import until
 
@@ -25,13 +24,6 @@ from dfvs_service.perception.record_publisher import RecordPublisher
 
 TOPICS = Topics("bottled")
 START_S = 30.0
-
-
-@pytest.fixture
-def service():
-    """Perception's end: a Zenoh peer that listens, and where."""
-    with listening_peer() as peer:
-        yield peer
 
 
 class Running:

@@ -15,13 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from loopback import free_endpoint, free_tcp_port, listening_peer
-from recorded_flight import fly
+from recorded_flight import fly, write_recording
 from started_commands import Command, Started, zenoh_words
 from textured_wall import texture
 
-from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.image import encode_png
-from dfvs_service.record.recorder import Recorder, RecordLimits
 
 ENDINGS = ("SIGTERM", "SIGINT", "SIGHUP", "SIGKILL", "parent")
 COUNT = int(os.environ.get("DFVS_ENDINGS", 2))
@@ -39,12 +37,7 @@ def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     rng = np.random.default_rng(3)
     (folder / "goal.png").write_bytes(encode_png(texture(rng)[:240, :320].astype(np.uint8)))
-    flight = fly(rng, frames=24)
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
-    for message, payload in flight.events:
-        add = recorder.open if isinstance(message, SessionHeader) else recorder.add
-        add(message, payload)
-    recorder.close()
+    write_recording(folder, fly(rng, frames=24).events)
     return folder
 
 

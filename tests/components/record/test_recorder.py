@@ -1,5 +1,6 @@
 """The recorder's files, without a network: what is in them, how they end, and what is lost."""
 
+import dataclasses
 import itertools
 import json
 import resource
@@ -25,14 +26,15 @@ from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.cli import main as record_main
 from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
-from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.record.recorder import Recorder
 from dfvs_service.record.recovery import recover
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
 from dfvs_service.report.recording import RecordedFlight
+from dfvs_service.settings.record_sections import RecordSection
 
 S = 1_000_000_000
-ROOMY = RecordLimits(10**9, 10**10, 0)
+ROOMY = RecordSection(min_free_mb=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +51,11 @@ def large():
 class Desk:
     """A recorder with a clock in hand, and what it warned of."""
 
-    def __init__(self, folder, limits=ROOMY):
+    def __init__(self, folder, section=ROOMY):
         self.folder = folder
         self.now_ns = 0
         self.warnings = []
-        self.recorder = Recorder(folder, "r", limits, lambda: self.now_ns, self.warnings.append)
+        self.recorder = Recorder(folder, "r", section, lambda: self.now_ns, self.warnings.append)
 
     def take(self, events):
         for message, payload in events:
@@ -62,6 +64,11 @@ class Desk:
                 self.recorder.open(message, payload)
             else:
                 self.recorder.add(message, payload)
+        return self
+
+    def record(self, events):
+        """Take all events, and end the recording."""
+        self.take(events).recorder.close()
         return self
 
     @property
@@ -86,8 +93,7 @@ def payloads(events):
 @pytest.mark.parametrize("pixel_format", [PixelFormat.JPEG, PixelFormat.RGB8, PixelFormat.MONO8])
 def test_what_was_told_is_read_back_to_the_last_bit(tmp_path, pixel_format):
     flight = fly(np.random.default_rng(7), 5, pixel_format)
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     back = told(desk.files)
     assert [message for message, _ in back] == [message for message, _ in flight.events]
     assert payloads(back) == payloads(flight.events)
@@ -112,8 +118,7 @@ def test_flow_path_and_log_are_in_it_for_people_and_change_nothing_of_a_replay(t
 
 
 def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     with desk.files[0].open("rb") as file:
         summary = make_reader(file).get_summary()
         notes = {note.name: note.metadata for note in make_reader(file).iter_metadata()}
@@ -133,8 +138,7 @@ def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):
 
 
 def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     (path,) = desk.files
     picture = CompressedImage.FromString(messages(path, "/camera/image")[0])
     assert picture.format == "jpeg"
@@ -156,8 +160,7 @@ def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
 
 
 def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     still, moving = messages(desk.files[0], "/tf")[:2]
     R = {}
     for transform in [
@@ -177,8 +180,7 @@ def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
 
 def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_path, large):
     size = 400_000
-    desk = Desk(tmp_path, RecordLimits(size, 10**9, 0)).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path, dataclasses.replace(ROOMY, max_file_mb=size / 1e6)).record(large.events)
     assert len(desk.files) > 2
     assert all(path.stat().st_size < 2.5 * size for path in desk.files)
     assert payloads(told(desk.files)) == payloads(large.events)
@@ -190,7 +192,9 @@ def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_pa
 def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(tmp_path, large):
     stranger = tmp_path / "another.mcap"
     stranger.write_bytes(b"not ours")
-    desk = Desk(tmp_path, RecordLimits(300_000, 900_000, 0)).take(large.events)
+    desk = Desk(tmp_path, RecordSection(max_file_mb=0.3, max_total_mb=0.9, min_free_mb=0.0)).take(
+        large.events
+    )
     desk.recorder.close()
     assert desk.recorder.counts.files_removed > 0
     ours = [path for path in desk.files if path != stranger]
@@ -200,7 +204,7 @@ def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(t
 
 
 def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_path, flight):
-    desk = Desk(tmp_path, RecordLimits(10**9, 10**10, free_bytes=10**18)).take(flight.events)
+    desk = Desk(tmp_path, RecordSection(min_free_mb=1e12)).take(flight.events)
     counts = desk.recorder.counts
     assert counts.records == 0
     assert counts.dropped == len(flight.turns)
@@ -238,8 +242,7 @@ def test_turns_that_never_came_are_counted(tmp_path, flight):
 
 def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large):
     """Whatever byte it ends at."""
-    desk = Desk(tmp_path).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(large.events)
     (whole,) = desk.files
     data = whole.read_bytes()
     lengths = []
@@ -255,8 +258,7 @@ def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large)
 
 
 def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
-    desk = Desk(tmp_path).take(large.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(large.events)
     (whole,) = desk.files
     cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
     cut.write_bytes(whole.read_bytes()[:-200_000])
@@ -270,8 +272,7 @@ def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
 
 def test_a_repaired_copy_beside_its_original_is_left_out_and_named(tmp_path):
     flight = fly(np.random.default_rng(7), 8, next_goal_at=5)
-    desk = Desk(tmp_path).take(flight.events)
-    desk.recorder.close()
+    desk = Desk(tmp_path).record(flight.events)
     (original,) = desk.files
     assert record_main(["recover", str(original)]) == 0
     assert len(desk.files) == 2

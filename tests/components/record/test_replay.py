@@ -1,6 +1,7 @@
 """Perception run again on a recorded flight: the same bits, or what differs and why."""
 
 import dataclasses
+import functools
 import json
 import os
 import subprocess
@@ -10,14 +11,10 @@ import depth_bundle
 import numpy as np
 import onnx_network
 import pytest
-from mcap.records import Message
-from mcap.writer import Writer
 from recorded_flight import fly, write_recording
 
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
-from dfvs_core.messages.schema import from_json, to_json
-from dfvs_service.record.reading import open_records
 from dfvs_service.replay.cli import main
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
@@ -25,6 +22,20 @@ from dfvs_service.replay.flight import Trial, replay
 
 def rerun(path):
     return replay([path], Trial(), lambda _: None)
+
+
+def assert_identical(path):
+    """Every command is the same, as it must be; the comparison."""
+    result = rerun(path)
+    assert result.reasons == ()
+    comparison = compare(result.frames)
+    assert comparison.is_identical
+    return comparison
+
+
+def altered(events, kind, alter):
+    """Events of which the messages of a kind went through ``alter``."""
+    return [(alter(m) if isinstance(m, kind) else m, payload) for m, payload in events]
 
 
 @pytest.fixture(scope="module")
@@ -38,10 +49,7 @@ def recording(flight, tmp_path_factory):
 
 
 def test_the_same_build_gives_the_same_commands_bit_for_bit(recording, flight):
-    result = rerun(recording)
-    comparison = compare(result.frames)
-    assert result.reasons == ()
-    assert comparison.is_identical
+    comparison = assert_identical(recording)
     assert len(comparison.frames) == sum(turn.sight is not None for turn in flight.turns)
     assert comparison.healthy_both > 8
     speeds = [abs(frame.replayed.velocity[1]) for frame in comparison.frames]
@@ -58,29 +66,20 @@ def test_a_flight_at_another_working_size_is_replayed_at_it(tmp_path):
     """Measured before the flight, it is among the settings of the recording."""
     flight = fly(np.random.default_rng(11), 10, flow__working_width_px=160)
     assert flight.opening.settings["flow"]["working_width_px"] == 160
-    result = rerun(write_recording(tmp_path, flight.events))
-    assert result.reasons == ()
-    assert compare(result.frames).is_identical
-    events = [
-        (dataclasses.replace(m, settings=another_size(m.settings)), payload)
-        if isinstance(m, SessionHeader)
-        else (m, payload)
-        for m, payload in flight.events
-    ]
+    assert_identical(write_recording(tmp_path, flight.events))
+    events = altered(flight.events, SessionHeader, another_size)
     (tmp_path / "other").mkdir()
     assert not compare(rerun(write_recording(tmp_path / "other", events)).frames).is_identical
 
 
-def another_size(settings):
-    return settings | {"flow": settings["flow"] | {"working_width_px": 240}}
+def another_size(header):
+    flow = header.settings["flow"] | {"working_width_px": 240}
+    return dataclasses.replace(header, settings=header.settings | {"flow": flow})
 
 
 def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
     flight = fly(np.random.default_rng(12), 10, next_goal_at=5)
-    result = rerun(write_recording(tmp_path, flight.events))
-    assert result.reasons == ()
-    comparison = compare(result.frames)
-    assert comparison.is_identical
+    comparison = assert_identical(write_recording(tmp_path, flight.events))
     before, after = (comparison.frames[i].replayed.error_m for i in (3, 4))
     assert abs(after - before) > 0.02  # another goal, indeed
 
@@ -94,9 +93,7 @@ def previewed():
 def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(previewed, tmp_path):
     opening = next(m for m, _ in previewed.events if isinstance(m, SessionHeader) and m.first_turn)
     assert opening.observed_ns is not None
-    result = rerun(write_recording(tmp_path, previewed.events))
-    assert result.reasons == ()
-    assert compare(result.frames).is_identical
+    assert_identical(write_recording(tmp_path, previewed.events))
 
 
 @pytest.fixture
@@ -112,10 +109,7 @@ def test_a_flight_by_a_depth_network_is_replayed_bit_for_bit(depth, wall_depth, 
     rng = np.random.default_rng(12)
     flight = fly(rng, 12, next_goal_at=8, preview_of=5, **settings)
     assert "depth/mono.onnx" in flight.opening.model
-    result = rerun(write_recording(tmp_path, flight.events))
-    assert result.reasons == ()
-    comparison = compare(result.frames)
-    assert comparison.is_identical
+    comparison = assert_identical(write_recording(tmp_path, flight.events))
     assert comparison.healthy_both > 4
 
 
@@ -131,10 +125,8 @@ def test_another_depth_network_is_named_as_the_reason_to_differ(wall_depth, tmp_
 
 def test_without_the_preview_the_commands_differ(previewed, tmp_path):
     """The observation matters, so the session header has to tell its frame."""
-    events = [
-        (dataclasses.replace(m, observed_ns=None) if isinstance(m, SessionHeader) else m, payload)
-        for m, payload in previewed.events
-    ]
+    unseen = functools.partial(dataclasses.replace, observed_ns=None)
+    events = altered(previewed.events, SessionHeader, unseen)
     assert not compare(rerun(write_recording(tmp_path, events)).frames).is_identical
 
 
@@ -145,33 +137,6 @@ def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ
     events = previewed.events[:frame] + previewed.events[frame + 1 :]
     result = rerun(write_recording(tmp_path, events))
     assert result.reasons == ("1 frame records before frame record 6 were not recorded",)
-
-
-def altered(recording, target, alter):
-    """Copy of a recording whose turns went through ``alter``."""
-    from mcap.records import Channel, Schema
-
-    writer = Writer(str(target))
-    writer.start()
-    schemas, channels, topics = {0: 0}, {}, {}
-    with open_records(recording) as records:
-        for record in records:
-            if isinstance(record, Schema) and record.id not in schemas:
-                schemas[record.id] = writer.register_schema(
-                    record.name, record.encoding, record.data
-                )
-            elif isinstance(record, Channel) and record.id not in channels:
-                topics[record.id] = record.topic
-                channels[record.id] = writer.register_channel(
-                    record.topic, record.message_encoding, schemas[record.schema_id]
-                )
-            elif isinstance(record, Message):
-                data = record.data
-                if topics[record.channel_id] == "/dfvs/turn":
-                    data = to_json(alter(from_json(FrameRecord, data)))
-                writer.add_message(channels[record.channel_id], record.log_time, data, 0)
-    writer.finish()
-    return target
 
 
 def nudge(turn):
@@ -191,8 +156,8 @@ def age(turn):
     return dataclasses.replace(turn, sight=sight)
 
 
-def test_a_single_bit_that_differs_is_found_and_is_a_failure(recording, tmp_path, capsys):
-    path = altered(recording, tmp_path / "nudged.mcap", nudge)
+def test_a_single_bit_that_differs_is_found_and_is_a_failure(flight, tmp_path, capsys):
+    path = write_recording(tmp_path, altered(flight.events, FrameRecord, nudge))
     comparison = compare(rerun(path).frames)
     assert comparison.first_difference == 12
     assert len(comparison.frames) - comparison.identical == 1
@@ -200,8 +165,9 @@ def test_a_single_bit_that_differs_is_found_and_is_a_failure(recording, tmp_path
     assert "NOT identical" in capsys.readouterr().out
 
 
-def test_the_times_of_judgement_matter_so_they_have_to_be_recorded(recording, tmp_path):
-    comparison = compare(rerun(altered(recording, tmp_path / "aged.mcap", age)).frames)
+def test_the_times_of_judgement_matter_so_they_have_to_be_recorded(flight, tmp_path):
+    path = write_recording(tmp_path, altered(flight.events, FrameRecord, age))
+    comparison = compare(rerun(path).frames)
     assert comparison.identical < 0.5 * len(comparison.frames)
     assert 0 < comparison.velocity_m_s.greatest < 0.01
 

@@ -1,5 +1,6 @@
 """Telemetry from a real Zenoh session of the service to one of ROS 2."""
 
+import contextlib
 import json
 import queue
 import time
@@ -21,6 +22,12 @@ STATE = {"state": "SERVO", "cause": "", "setpoint": [0.1, 0.2, 0.3, 0.4]}
 TWIST = "geometry_msgs/msg/TwistStamped"
 PREVIEW = "sensor_msgs/msg/CompressedImage"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+KEYS = {
+    TWIST: ("swift_2/dfvs/setpoint", "geometry_msgs::msg::dds_::TwistStamped_"),
+    PREVIEW: ("swift_2/dfvs/preview/compressed", "sensor_msgs::msg::dds_::CompressedImage_"),
+    DIAGNOSTICS: ("diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_"),
+}
+"""Topic of a message, and its type as DDS spells it."""
 
 
 class Rig:
@@ -32,8 +39,13 @@ class Rig:
         self.arrived = queue.Queue()
         self.subscriber = self.ros.declare_subscriber("**", self.arrived.put)
         self.inner = peer(connect=ports[:1]), peer(connect=ports[1:])
-        self.now_ns = 0
+        self.link, self.now_ns = link, 0
         self.relay = Relay(TOPICS.vehicle, self.inner, link, 3, lambda: self.now_ns)
+
+    def key(self, type_name):
+        """Key on which ROS listens for a message."""
+        topic, dds = KEYS[type_name]
+        return f"3/{topic}/{dds}/{type_hash(type_name)}" if self.link == "rmw" else topic
 
     def close(self):
         for session in (*self.inner, self.service, self.ros):
@@ -54,17 +66,12 @@ class Rig:
 
 @pytest.fixture(params=["rmw", "bridge"])
 def rig(request):
-    made = Rig(request.param)
-    made.link = request.param
-    yield made
-    made.close()
+    with contextlib.closing(Rig(request.param)) as made:
+        yield made
 
 
 def test_setpoints_reach_ros_under_the_keys_that_it_listens_on(rig):
-    key = "swift_2/dfvs/setpoint"
-    if rig.link == "rmw":
-        key = f"3/{key}/geometry_msgs::msg::dds_::TwistStamped_/{type_hash(TWIST)}"
-    sample = rig.publish_until("state", json.dumps(STATE).encode(), key)
+    sample = rig.publish_until("state", json.dumps(STATE).encode(), rig.key(TWIST))
     message = decode(TWIST, sample.payload.to_bytes())
     assert message.twist.linear.y == -0.2
     age_ns = time.time_ns() - (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
@@ -80,30 +87,18 @@ def test_bad_telemetry_is_left_out_and_the_next_one_sent(rig):
         rig.service.put(TOPICS.telemetry("state"), bad)
         rig.service.put(TOPICS.telemetry("preview"), bad, attachment=b"no header")
     state = json.dumps(STATE).encode()
-    assert rig.publish_until("state", state, diagnostics_key(rig.link)) is not None
+    assert rig.publish_until("state", state, rig.key(DIAGNOSTICS)) is not None
 
 
 def test_the_preview_keeps_its_time_of_capture(rig):
     picture = np.zeros((16, 16, 3), np.uint8)
     capture_ns = time.monotonic_ns() - 50_000_000
     jpeg, attachment = encode_frame(Frame(picture, capture_ns, 1), PixelFormat.JPEG, local_clock())
-    sample = rig.publish_until("preview", jpeg, preview_key(rig.link), attachment)
+    sample = rig.publish_until("preview", jpeg, rig.key(PREVIEW), attachment)
     message = decode(PREVIEW, sample.payload.to_bytes())
     assert message.data.tobytes() == jpeg
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
     assert abs(stamp_ns - (capture_ns + time.time_ns() - time.monotonic_ns())) < 100_000_000
-
-
-def preview_key(link):
-    key = "swift_2/dfvs/preview/compressed"
-    if link == "rmw":
-        key = f"3/{key}/sensor_msgs::msg::dds_::CompressedImage_/{type_hash(PREVIEW)}"
-    return key
-
-
-def diagnostics_key(link):
-    dds = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
-    return f"3/diagnostics/{dds}/{type_hash(DIAGNOSTICS)}" if link == "rmw" else "diagnostics"
 
 
 def test_a_preview_of_another_machine_has_its_time_of_arrival(rig):
@@ -111,7 +106,7 @@ def test_a_preview_of_another_machine_has_its_time_of_arrival(rig):
     other_ns = time.monotonic_ns() + 10**15
     frame = Frame(picture, other_ns, 1)
     jpeg, attachment = encode_frame(frame, PixelFormat.JPEG, b"another machine!")
-    sample = rig.publish_until("preview", jpeg, preview_key(rig.link), attachment)
+    sample = rig.publish_until("preview", jpeg, rig.key(PREVIEW), attachment)
     message = decode(PREVIEW, sample.payload.to_bytes())
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
     assert 0 <= time.time_ns() - stamp_ns < 60 * 10**9
@@ -119,8 +114,7 @@ def test_a_preview_of_another_machine_has_its_time_of_arrival(rig):
 
 def test_figures_of_a_frame_are_left_out_once_they_are_old(rig):
     def status():
-        payload, key = json.dumps(STATE).encode(), diagnostics_key(rig.link)
-        sample = rig.publish_until("state", payload, key)
+        sample = rig.publish_until("state", json.dumps(STATE).encode(), rig.key(DIAGNOSTICS))
         (only,) = decode(DIAGNOSTICS, sample.payload.to_bytes()).status
         return only.message, [value.key for value in only.values]
 
@@ -140,8 +134,7 @@ def test_figures_of_a_frame_are_left_out_once_they_are_old(rig):
 
 
 def test_rmw_zenoh_finds_node_and_publishers_by_their_tokens():
-    rig = Rig("rmw")
-    try:
+    with contextlib.closing(Rig("rmw")) as rig:
         deadline, found = time.monotonic() + 30.0, []
         while len(found) < 4 and time.monotonic() < deadline:
             replies = rig.ros.liveliness().get("@ros2_lv/**")
@@ -149,5 +142,3 @@ def test_rmw_zenoh_finds_node_and_publishers_by_their_tokens():
         assert [token.split("/")[0] for token in found] == ["MP", "MP", "MP", "NN"]
         assert found[3] == "NN/%/%/dfvs_swift_2"
         assert any("%swift_2%dfvs%setpoint/geometry_msgs::msg::dds_" in token for token in found)
-    finally:
-        rig.close()

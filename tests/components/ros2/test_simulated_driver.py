@@ -5,8 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from loopback import free_endpoint
-from test_relay import peer
+from loopback import listening_peer, peer
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
@@ -23,11 +22,8 @@ FORMATS = [PixelFormat.RGB8, PixelFormat.MONO8, PixelFormat.PNG, PixelFormat.JPE
 @pytest.fixture
 def sessions():
     """Service's side, and the driver's."""
-    place = free_endpoint()
-    service, driver = peer(listen=(place,)), peer(connect=(place,))
-    yield service, driver
-    driver.close()
-    service.close()
+    with listening_peer() as (service, place), peer(connect=(place,)) as driver:
+        yield service, driver
 
 
 @pytest.mark.parametrize("link", ["rmw", "bridge"])

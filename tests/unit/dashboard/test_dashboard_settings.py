@@ -1,9 +1,9 @@
 import socket
-import subprocess
 import sys
 
 import pytest
 from loopback import free_tcp_port
+from self_signed import self_signed
 
 from dfvs_service.dashboard import cli
 from dfvs_service.dashboard.settings import dashboard_settings
@@ -24,17 +24,7 @@ def token(tmp_path):
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tls")
-    cert, key = str(folder / "cert.pem"), str(folder / "key.pem")
-    subprocess.run(
-        [
-            *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt"),
-            *("ec_paramgen_curve:prime256v1", "-nodes", "-subj", "/CN=drone1.local"),
-            *("-keyout", key, "-out", cert),
-        ],
-        check=True,
-        capture_output=True,
-    )
+    cert, key = self_signed(tmp_path_factory.mktemp("tls"))
     return ("--cert", cert, "--key", key)
 
 

@@ -19,12 +19,8 @@ VIEWER, OPERATOR = b"v" * 32, b"o" * 32
         (Tokens(VIEWER, OPERATOR), "v" * 31, Role.NOBODY),
         (Tokens(VIEWER, OPERATOR), "v" * 33, Role.NOBODY),
         (Tokens(VIEWER), "\ud800", Role.NOBODY),
+        (Tokens(None, b""), "x", Role.NOBODY),
     ],
 )
 def test_a_token_gives_its_role_and_nothing_else_does(tokens, token, role):
     assert tokens.role_of(token) is role
-
-
-def test_an_empty_secret_lets_nobody_order():
-    assert Tokens(None, None, is_open=True).role_of("") is Role.VIEWER
-    assert Tokens(None, b"", is_open=False).role_of("x") is Role.NOBODY

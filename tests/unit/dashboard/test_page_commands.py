@@ -59,6 +59,12 @@ class Socket:
             self.answered.set()
 
 
+def context(queue):
+    """What sessions share, with a token for operators."""
+    hub = Hub(lambda: Moment(0, 0.0), lambda _: None)
+    return AppContext(hub, Tokens(operator=b"t" * 20), queue, lambda: Moment(0, 0.0))
+
+
 def answers(*commands, wanted=1, quick=()):
     """The first ``wanted`` answers to commands, of which only those of ``quick`` get the gate's."""
 
@@ -66,10 +72,8 @@ def answers(*commands, wanted=1, quick=()):
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
         queue, socket = SilentQueue(quick), Socket(commands)
         socket.wanted = wanted
-        hub = Hub(lambda: Moment(0, 0.0), lambda _: None)
-        context = AppContext(hub, Tokens(operator=b"t" * 20), queue, lambda: Moment(0, 0.0))
         try:
-            await asyncio.wait_for(ClientSession(socket, context).serve(), 5.0)
+            await asyncio.wait_for(ClientSession(socket, context(queue)).serve(), 5.0)
         finally:
             queue.released.set()
         return socket.answers
@@ -126,9 +130,8 @@ class SilentSocket:
 
 def test_a_page_that_is_too_slow_to_greet_is_not_told_that_its_token_is_wrong(monkeypatch):
     monkeypatch.setattr(client_session, "HELLO_TIMEOUT_S", 0.01)
-    hub, socket = Hub(lambda: Moment(0, 0.0), lambda _: None), SilentSocket()
-    context = AppContext(hub, Tokens(operator=b"t" * 20), None, lambda: Moment(0, 0.0))
-    asyncio.run(ClientSession(socket, context).serve())
+    socket = SilentSocket()
+    asyncio.run(ClientSession(socket, context(None)).serve())
     assert socket.closed == (4408, "no greeting came")
 
 

@@ -190,7 +190,7 @@ def test_a_new_flight_makes_room_for_itself(tmp_path):
     for number in range(4):
         folder, lock = desk.store.create("drone1", 1_600_000_000 + number)
         (folder / "gate-inputs.jsonl").write_bytes(bytes(8 * MB))
-        lock.release()
+        lock.close()
     desk.later(0)
     # Two of 8 MB and one that may grow to 10 MB are all that 30 MB hold.
     assert len(desk.store.names()) == 3

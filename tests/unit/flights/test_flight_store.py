@@ -15,7 +15,7 @@ def flown(store, t_s, size=1000, vehicle="drone1"):
     """A flight that is over; its name."""
     folder, lock = store.create(vehicle, t_s)
     (folder / "gate.jsonl").write_bytes(bytes(size))
-    lock.release()
+    lock.close()
     return folder.name
 
 
@@ -68,14 +68,14 @@ def test_a_running_flight_is_kept_whatever_its_size(tmp_path):
     other = flown(store, T_S + 1)
     assert is_running(folder)
     assert store.make_room(0) == [other]
-    lock.release()
+    lock.close()
     assert store.make_room(0) == [folder.name]
 
 
 def test_others_may_not_read_a_flight(tmp_path):
     store = FlightStore(tmp_path / "flights")
     folder, lock = store.create("drone1", T_S)
-    lock.release()
+    lock.close()
     assert [path.stat().st_mode & 0o077 for path in (store.path, folder)] == [0, 0]
 
 

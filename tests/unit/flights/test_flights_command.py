@@ -31,7 +31,7 @@ def flights(tmp_path, monkeypatch):
 def fly(store, gate, service, vehicle="drone1"):
     """The records of a flight; its folder."""
     folder, lock = store.create(vehicle, 1_700_000_000.0)
-    lock.release()
+    lock.close()
     header = {"vehicle": vehicle, "started_ns": START_NS, "started_unix_ns": 1_700_000_000 * S}
     (folder / "flight.json").write_text(json.dumps(header) + "\n")
     for name, records in (("gate.jsonl", gate), ("service.jsonl", service)):
@@ -112,7 +112,7 @@ def test_a_flight_without_its_header_is_known_by_its_name(content, flights, caps
 
 def test_a_folder_without_any_record_is_listed_as_well(flights, capsys):
     _, lock = flights.create("drone1", 1_700_000_000.0)
-    lock.release()
+    lock.close()
     assert main(["flights"]) == 0
     assert "cut off in IDLE" in capsys.readouterr().out
 
@@ -120,7 +120,7 @@ def test_a_folder_without_any_record_is_listed_as_well(flights, capsys):
 def test_a_running_flight_is_told_from_one_that_was_cut_off(flights, capsys):
     _, lock = flights.create("drone1", 1_700_000_000.0)
     assert shown(capsys)["status"] == "running"
-    lock.release()
+    lock.close()
     assert shown(capsys)["status"] == "cut off"
 
 

@@ -72,7 +72,7 @@ def store(tmp_path, monkeypatch):
 def bare(store):
     """A flight without any record."""
     folder, lock = store.create("drone1", 1_700_000_000.0)
-    lock.release()
+    lock.close()
     return folder
 
 

@@ -12,7 +12,7 @@ from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import choose_working_width, with_working_size
-from dfvs_service.replay.rerun import with_trial
+from dfvs_service.replay.flight import Trial
 from dfvs_service.settings.config import config_from_json, load_config
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)
@@ -89,11 +89,11 @@ def test_a_matcher_without_a_working_size_is_left_as_it_is():
 
 def test_settings_that_are_tried_in_a_replay_do_not_measure_anew():
     recorded, tried = settings(working_width_px=480), settings(threads=1)
-    assert with_trial(recorded, tried, "").flow == dataclasses.replace(
+    assert Trial(tried).applied_to(recorded).flow == dataclasses.replace(
         tried.flow, working_width_px=480
     )
     tried = settings(working_width_px=400)
-    assert with_trial(recorded, tried, "").flow.working_width_px == 400
+    assert Trial(tried).applied_to(recorded).flow.working_width_px == 400
 
 
 def test_a_size_at_which_nothing_can_be_matched_is_refused():

@@ -1,6 +1,8 @@
 """Routes taught by frames of a box whose flow is known exactly."""
 
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
+from dfvs_service import cli
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.route.goal_sidecar import sidecar_of
@@ -22,6 +25,7 @@ from dfvs_service.route.recording import (
     prepare_route_folder,
     route_recording_settings,
 )
+from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.goal_file import load_goal, route_images
 
@@ -175,6 +179,20 @@ def test_the_pictures_of_a_route_come_by_name_or_in_the_order_given(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="is empty"):
         route_images([tmp_path / "empty"])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_wait_for_the_vehicle(number, tmp_path, monkeypatch):
+    def connect(*_):
+        os.kill(os.getpid(), number)
+        raise AssertionError("the wait goes on")
+
+    monkeypatch.setattr(VehicleStateListener, "connect", connect)
+    lens = ("--set", "camera.horizontal_fov_deg=75", "--set", "flow.model=classical")
+    size = ("--set", "camera.width=320", "--set", "camera.height=240")
+    with pytest.raises(SystemExit) as end:
+        cli.main(["teach", "--out", str(tmp_path / "route"), *lens, *size])
+    assert end.value.code == 128 + number
 
 
 class Told:

@@ -102,17 +102,13 @@ const TAKE = {
     takeServo(history.servo);
     takeTransitions(history.transitions);
   },
-  state: (state) => (known.state = state),
   servo: takeServo,
   path: takePath,
   transitions: takeTransitions,
-  verdict: (verdict) => (known.verdict = verdict),
-  timing: (timing) => (known.timing = timing),
-  link: (link) => (known.link = link),
-  zenoh: (zenoh) => (known.zenoh = zenoh),
-  overtaken: (count) => (known.overtaken = count),
   answers: (answers) => operator.answered(answers),
 };
+/** Kept as they come, for the next refresh. */
+const KEPT = ["state", "verdict", "timing", "link", "zenoh", "overtaken"];
 
 function watch(name) {
   watched = name;
@@ -122,6 +118,7 @@ function watch(name) {
 connection.addEventListener("update", ({ detail: update }) => {
   // In the table's order: what is watched comes before its history.
   for (const [key, take] of Object.entries(TAKE)) if (key in update) take(update[key]);
+  for (const key of KEPT) if (key in update) known[key] = update[key];
 });
 connection.addEventListener("image", ({ detail }) => view.take(detail));
 connection.addEventListener("welcome", ({ detail }) => {

@@ -46,7 +46,7 @@ export function showNumbers(newest) {
     for (const [name, source] of NUMBERS) {
       const value = row("dd", [element("span", ""), " ", element("small", "")]);
       value.dataset.source = source;
-      list.append(row("div", [row("dt", [element("span", name), " ", ageLabel(source, true)]), value]));
+      list.append(row("div", [row("dt", [element("span", name), " ", ageLabel(source)]), value]));
     }
   }
   NUMBERS.forEach(([, , of], i) => {

@@ -82,7 +82,9 @@ export class Operator {
     byId("take-view").disabled = byId("goal").disabled || old.view || old.vehicle;
     // Stopping is offered even where the newest state is old: it can do no harm.
     byId("hold").disabled = byId("abort").disabled = !acceptsCommands;
-    if (state && !state.accepts_commands) this.#hint("this vehicle was started without a command key");
+    if (state && !state.accepts_commands && !byId("answer").textContent) {
+      this.#answer(null, "this vehicle was started without a command key");
+    }
   }
 
   command(name) {
@@ -177,10 +179,6 @@ export class Operator {
   #signOut() {
     sessionStorage.removeItem(KEPT_TOKEN);
     this.#connection.signIn("");
-  }
-
-  #hint(text) {
-    if (!byId("answer").textContent) this.#answer(null, text);
   }
 
   #answer(accepted, text) {

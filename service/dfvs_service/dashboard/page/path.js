@@ -128,19 +128,19 @@ export class PathView {
   }
 
   #drawPath(context, { project, floor }, scale) {
-    const trace = (points) => {
-      context.beginPath();
-      points.forEach((p, i) => context[i ? "lineTo" : "moveTo"](...project(p)));
-      context.stroke();
-    };
     context.strokeStyle = style("--line");
     context.lineWidth = 2 * scale;
-    trace(this.#points.map(([n, e]) => [n, e, floor]));
+    trace(context, this.#points.map(([n, e]) => project([n, e, floor])));
+    context.stroke();
     context.strokeStyle = style("--a");
     context.lineWidth = 3 * scale;
     context.lineJoin = "round";
-    trace(this.#points);
-    dot(context, project(this.#points[0]), 4 * scale, style("--muted"));
+    trace(context, this.#points.map(project));
+    context.stroke();
+    context.fillStyle = style("--muted");
+    context.beginPath();
+    context.arc(...project(this.#points[0]), 4 * scale, 0, 7);
+    context.fill();
   }
 
   #drawGoal(context, { project, floor }, scale) {
@@ -172,9 +172,7 @@ export class PathView {
     context.fillStyle = style("--a");
     context.strokeStyle = style("--panel");
     context.lineWidth = 1.5 * scale;
-    context.beginPath();
-    [at(0, 1.5 * size), at(2.5, size), at(Math.PI, 0.4 * size), at(-2.5, size)].forEach((p, i) =>
-      context[i ? "lineTo" : "moveTo"](...p));
+    trace(context, [at(0, 1.5 * size), at(2.5, size), at(Math.PI, 0.4 * size), at(-2.5, size)]);
     context.closePath();
     context.fill();
     context.stroke();
@@ -223,15 +221,12 @@ function niceStep(radius) {
 }
 
 function line(context, a, b) {
-  context.beginPath();
-  context.moveTo(...a);
-  context.lineTo(...b);
+  trace(context, [a, b]);
   context.stroke();
 }
 
-function dot(context, [x, y], radius, colour) {
-  context.fillStyle = colour;
+/** Begin a path through points, to be stroked or filled. */
+function trace(context, points) {
   context.beginPath();
-  context.arc(x, y, radius, 0, 7);
-  context.fill();
+  points.forEach((p, i) => context[i ? "lineTo" : "moveTo"](...p));
 }

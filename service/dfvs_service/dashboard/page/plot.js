@@ -1,6 +1,6 @@
 // One plot of time series with uPlot: lines, bands of uncertainty, markers of the gate's states.
 
-import { ageLabel, say, style } from "./words.js";
+import { ageLabel, row, say, style } from "./words.js";
 
 const MAX_POINTS = 9000;
 const HEIGHT_PX = 112;
@@ -31,15 +31,9 @@ export class Plot {
     this.#events = events;
     this.#bands = definition.lines.filter((line) => line.spread);
     this.#columns = Array.from({ length: 1 + definition.lines.length + 2 * this.#bands.length }, () => []);
-    this.#box = document.createElement("div");
-    this.#box.className = "plot";
-    this.#place.dataset.source = definition.source;
-    this.#box.append(this.#heading(), this.#place);
+    this.source = this.#place.dataset.source = definition.source;
+    this.#box = row("div", [this.#heading(), this.#place], "plot");
     parent.append(this.#box);
-  }
-
-  get source() {
-    return this.#definition.source;
   }
 
   add(tMs, row) {
@@ -92,8 +86,7 @@ export class Plot {
   }
 
   #heading() {
-    const heading = document.createElement("h3");
-    heading.append(this.#definition.title, ageLabel(this.#definition.source, true));
+    const heading = row("h3", [this.#definition.title, ageLabel(this.#definition.source)]);
     this.#readouts = [];
     for (const line of this.#definition.lines) {
       const mark = document.createElement("i");
@@ -102,8 +95,8 @@ export class Plot {
       const unit = this.#definition.units[line.side];
       const readout = document.createElement("b");
       this.#readouts.push(readout);
-      heading.append(key(mark, unit ? `${line.label}, ${unit}` : line.label, readout));
-      if (line.spread) heading.append(key(bandMark(line), "± standard deviation"));
+      heading.append(row("span", [mark, unit ? `${line.label}, ${unit}` : line.label, readout], "key"));
+      if (line.spread) heading.append(row("span", [bandMark(line), "± standard deviation"], "key"));
     }
     return heading;
   }
@@ -200,13 +193,6 @@ function bandEdges(line, row) {
 /** Series of a band's edge, which is not drawn itself. */
 const edge = (line) => ({ scale: `y${line.side}`, width: 0, points: { show: false }, spanGaps: false });
 
-function key(mark, ...words) {
-  const made = document.createElement("span");
-  made.className = "key";
-  made.append(mark, ...words);
-  return made;
-}
-
 function bandMark(line) {
   const mark = document.createElement("i");
   mark.dataset.band = "";
@@ -230,21 +216,22 @@ const EMPTY_AXIS = {
   values: (_u, splits) => splits.map(() => ""),
 };
 
-const font = () => "11px system-ui, sans-serif";
+const FONT = "11px system-ui, sans-serif";
 
 function timeAxis() {
   return {
-    stroke: style("--muted"), font: font(), size: 22, gap: 3, space: 70,
+    stroke: style("--muted"), font: FONT, size: 22, gap: 3, space: 70,
     grid: { stroke: style("--grid"), width: 1 }, ticks: { show: false },
-    values: [[1, "{HH}:{mm}:{ss}", null, null, null, null, null, null, 0]].concat([
+    values: [
+      [1, "{HH}:{mm}:{ss}", null, null, null, null, null, null, 0],
       [60, "{HH}:{mm}", null, null, null, null, null, null, 0],
-    ]),
+    ],
   };
 }
 
 function valueAxis(side) {
   return {
-    scale: `y${side}`, side: side === 0 ? 3 : 1, stroke: style("--muted"), font: font(),
+    scale: `y${side}`, side: side === 0 ? 3 : 1, stroke: style("--muted"), font: FONT,
     size: 44, gap: 4, ticks: { show: false }, space: 17,
     grid: side === 0 ? { stroke: style("--grid"), width: 1 } : { show: false },
     values: (_u, splits) => splits.map((v) => (v === null ? "" : shortNumber(v))),

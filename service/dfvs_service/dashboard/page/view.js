@@ -14,9 +14,7 @@ export class View {
   #bitmaps = { [IMAGE.VIEW]: null, [IMAGE.GOAL]: null };
   #decoding = new Set();
   #waiting = new Map();
-  #shown = null;
   #flow = null;
-  #flowMs = null;
   #sheet = new OffscreenCanvas(1, 1);
   #sheetKey = "";
   #sheetFlow = null;
@@ -26,6 +24,11 @@ export class View {
   #isFirst = true;
   #drawnAt = [];
   #now;
+  /** Live image that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
+   * bytes, px; null before one. */
+  shown = null;
+  /** Time of capture of the newest flow's frame, null before one. */
+  flowMs = null;
   mode = "side";
   mix = 0.5;
   showsFlow = true;
@@ -45,17 +48,6 @@ export class View {
     this.#letDrag();
   }
 
-  /** Live image that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
-   * bytes, px; null before one. */
-  get shown() {
-    return this.#shown;
-  }
-
-  /** Time of capture of the newest flow's frame, null before one. */
-  get flowMs() {
-    return this.#flowMs;
-  }
-
   /** Which images and flow are here to be shown, frames a second and delay from capture to screen
    * over the last seconds. */
   get stats() {
@@ -71,9 +63,9 @@ export class View {
   /** Forget everything: another vehicle is watched. */
   clear() {
     this.#bitmaps = { [IMAGE.VIEW]: null, [IMAGE.GOAL]: null };
-    this.#shown = null;
+    this.shown = null;
     this.#flow = null;
-    this.#flowMs = null;
+    this.flowMs = null;
     this.#delays = [];
     this.#drawnAt = [];
     this.#isFirst = true;
@@ -84,7 +76,7 @@ export class View {
   async take(image) {
     if (image.kind === IMAGE.FLOW) {
       this.#flow = decodeFlow(image.data);
-      this.#flowMs = this.#flow && image.captureMs;
+      this.flowMs = this.#flow && image.captureMs;
       // The next frame shows it; without one it is as old as the image.
       return;
     }
@@ -110,7 +102,7 @@ export class View {
     this.#bitmaps[image.kind]?.close();
     this.#bitmaps[image.kind] = bitmap;
     if (image.kind === IMAGE.VIEW) {
-      this.#shown = { captureMs: image.captureMs, data: image.data, width: bitmap.width };
+      this.shown = { captureMs: image.captureMs, data: image.data, width: bitmap.width };
     }
     // The first one may be of long ago: it says nothing of delays.
     const isTimed = image.kind === IMAGE.VIEW && !this.#isFirst;
@@ -159,9 +151,7 @@ export class View {
       return;
     }
     this.#paint(live, areas.live);
-    if (this.mode === "slider") this.#paintLeft(goal, areas.live);
-    if (this.mode === "blend") this.#paintMixed(goal, areas.live);
-    if (this.mode === "difference") this.#paintDifference(goal, areas.live);
+    this.#paintOver(goal, areas.live);
     this.#overlay(areas.live, live);
     if (this.mode === "slider") this.#handle(areas.live);
   }
@@ -186,30 +176,24 @@ export class View {
     if (bitmap) this.#context.drawImage(bitmap, area.x, area.y, area.w, area.h);
   }
 
-  #paintLeft(goal, area) {
-    this.#context.save();
-    this.#context.beginPath();
-    this.#context.rect(area.x, area.y, area.w * this.mix, area.h);
-    this.#context.clip();
+  /** Paint the goal over the live view: left of the slider, translucent, or subtracted. */
+  #paintOver(goal, area) {
+    const context = this.#context;
+    context.save();
+    if (this.mode === "slider") {
+      context.beginPath();
+      context.rect(area.x, area.y, area.w * this.mix, area.h);
+      context.clip();
+    }
+    if (this.mode === "blend") context.globalAlpha = 1 - this.mix;
+    if (this.mode === "difference") context.globalCompositeOperation = "difference";
     this.#paint(goal, area);
-    this.#context.restore();
-  }
-
-  #paintMixed(goal, area) {
-    this.#context.globalAlpha = 1 - this.mix;
-    this.#paint(goal, area);
-    this.#context.globalAlpha = 1;
-  }
-
-  #paintDifference(goal, area) {
-    this.#context.globalCompositeOperation = "difference";
-    this.#paint(goal, area);
-    this.#context.globalCompositeOperation = "source-over";
+    context.restore();
   }
 
   #overlay(area, live) {
     if (!this.#flow || !live || !(this.showsFlow || this.showsConfidence)) return;
-    if (Math.abs(this.#flowMs - this.#shown.captureMs) > FLOW_SLACK_MS) return;
+    if (Math.abs(this.flowMs - this.shown.captureMs) > FLOW_SLACK_MS) return;
     const sheet = this.#drawnOverlay(area.w, area.h, area.w / live.width);
     // Under the slider the live part alone has a flow.
     const hidden = this.mode === "slider" ? Math.round(area.w * this.mix) : 0;

@@ -41,10 +41,10 @@ export function element(tag, text) {
   return made;
 }
 
-/** Label of a source's age, filled in by `showAges`; with `isQuiet` only while that is old. */
-export function ageLabel(source, isQuiet = false) {
+/** Label of a source's age, filled in by `showAges` while that is old. */
+export function ageLabel(source) {
   const label = row("small", [], "age");
   label.dataset.ageOf = source;
-  if (isQuiet) label.dataset.quiet = "";
+  label.dataset.quiet = "";
   return label;
 }

@@ -95,7 +95,6 @@ class VehicleModel:
         return self._on_config(document)
 
     def _on_state(self, document: Mapping[str, Any], now: Moment) -> Update:
-        """Take the gate's status."""
         # A newer service may say more than our schema knows.
         known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
         status = parse(GateStatus, known)
@@ -125,7 +124,6 @@ class VehicleModel:
         return update
 
     def _on_servo(self, document: Mapping[str, Any], now: Moment) -> Update:
-        """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
         self.rates["servo"].note(now.t_ns)
         self._clock.on_message(t_capture_ns, now.t_ns)

@@ -5,7 +5,6 @@ down; ``body`` is forward, right, down; ``camera`` is optical.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -28,6 +27,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_core.messages.frame import FrameHeader, PixelFormat
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.flow_grid import FlowGrid
@@ -35,6 +35,13 @@ from dfvs_service.record.flight_log import Entry
 
 _HALF_PX = 0.5
 """Foxglove and ROS count pixels from the first one's centre, we from its corner."""
+
+_RAW = {
+    PixelFormat.RGB8: ("rgb8", 3),
+    PixelFormat.BGR8: ("bgr8", 3),
+    PixelFormat.MONO8: ("mono8", 1),
+}
+"""Encoding and bytes a pixel."""
 
 _FLOW_STEP = 2
 _FLOW_THICKNESS_PX = 1.0
@@ -44,31 +51,22 @@ _R_WORLD_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """North, east, down to east, north, up."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawLayout:
-    """Size in px and encoding of raw pixels."""
-
-    width: int
-    height: int
-    encoding: str
-    bytes_per_px: int
-
-
 def compressed_image(t_ns: int, frame: str, data: bytes, image_format: str) -> bytes:
     """``foxglove.CompressedImage`` of a JPEG or PNG."""
     message = CompressedImage(timestamp=_time(t_ns), frame_id=frame, data=data, format=image_format)
     return message.SerializeToString()
 
 
-def raw_image(t_ns: int, data: bytes, layout: RawLayout) -> bytes:
-    """``foxglove.RawImage`` of the camera."""
+def raw_image(t_ns: int, data: bytes, header: FrameHeader) -> bytes:
+    """``foxglove.RawImage`` of the camera's raw pixels."""
+    encoding, bytes_per_px = _RAW[header.pixel_format]
     message = RawImage(
         timestamp=_time(t_ns),
         frame_id="camera",
-        width=layout.width,
-        height=layout.height,
-        encoding=layout.encoding,
-        step=layout.width * layout.bytes_per_px,
+        width=header.width,
+        height=header.height,
+        encoding=encoding,
+        step=header.width * bytes_per_px,
         data=data,
     )
     return message.SerializeToString()

@@ -26,20 +26,10 @@ _NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)
 
 STATE = json_channel("/gate/state", "dfvs.GateStatus", dump(GateStatus("", "", _NO_VEHICLE)))
-SETPOINT = json_channel(
-    "/gate/setpoint",
-    "dfvs.Setpoint",
-    dict.fromkeys(("forward_m_s", "right_m_s", "down_m_s", "yaw_rad_s"), 0.0),
-)
+_SETPOINT_NAMES = ("forward_m_s", "right_m_s", "down_m_s", "yaw_rad_s")
+SETPOINT = json_channel("/gate/setpoint", "dfvs.Setpoint", dict.fromkeys(_SETPOINT_NAMES, 0.0))
 REPORT = json_channel("/perception/report", "dfvs.PerceptionReport", dump(_NO_REPORT))
 _COMPRESSED = {PixelFormat.JPEG: "jpeg", PixelFormat.PNG: "png"}
-_RAW = {
-    PixelFormat.RGB8: ("rgb8", 3),
-    PixelFormat.BGR8: ("bgr8", 3),
-    PixelFormat.MONO8: ("mono8", 1),
-}
-
-
 _PATH_HZ = 1.0
 
 _SERVO_VECTORS = ("velocity_error",)
@@ -106,13 +96,7 @@ class Translation:
             data = foxglove.log(t_ns, "gate", entry)
             yield Message(channels.GATE_LOG, t_ns, number, data)
         yield self._json(STATE, t_ns, number, dump(status))
-        forward, right, down, yaw = status.setpoint
-        setpoint = {
-            "forward_m_s": forward,
-            "right_m_s": right,
-            "down_m_s": down,
-            "yaw_rad_s": yaw,
-        }
+        setpoint = dict(zip(_SETPOINT_NAMES, status.setpoint, strict=True))
         yield self._json(SETPOINT, t_ns, number, setpoint)
         vehicle = status.vehicle
         if vehicle is not None:
@@ -142,9 +126,7 @@ class Translation:
         if compressed is not None:
             image = foxglove.compressed_image(t_ns, "camera", payload, compressed)
             return channels.COMPRESSED_IMAGE, image
-        encoding, bytes_per_px = _RAW[header.pixel_format]
-        layout = foxglove.RawLayout(header.width, header.height, encoding, bytes_per_px)
-        return channels.RAW_IMAGE, foxglove.raw_image(t_ns, payload, layout)
+        return channels.RAW_IMAGE, foxglove.raw_image(t_ns, payload, header)
 
     def _servo_channel(self, document: dict[str, Any]) -> Channel:
         """Channel of the servo documents, its schema made from the first of them."""
