@@ -12,7 +12,6 @@ from dfvs_core.perception import frame_validator
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.commands.fuzz_frames import figures
 from dfvs_robustness.fuzz.frames.decoding import (
-    FrameJob,
     FrameOutcome,
     corpus_of,
     feed,
@@ -48,7 +47,7 @@ def test_without_a_good_frame_nothing_is_compared_and_the_run_fails(tmp_path, ca
 
 @pytest.fixture
 def outcome():
-    return lambda: figures(feed(FrameJob(0, 0, 250)), 0)
+    return lambda: figures(feed(0, range(250)), 0)
 
 
 def test_an_exception_that_escapes_is_a_flaw(monkeypatch, outcome):
@@ -83,7 +82,7 @@ def test_memory_beyond_a_good_frames_fails(monkeypatch):
         return honest(payload, header)
 
     monkeypatch.setattr(frame_validator, "decode_frame", greedy)
-    report = figures(feed(FrameJob(0, 0, 60)), 0)
+    report = figures(feed(0, range(60)), 0)
     assert report["flaws"] == []
     assert report["max_peak_kib"] > 3500
     assert report["verdict"] == "failed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import time
@@ -56,18 +57,9 @@ class KindTally:
         self.times_ms += other.times_ms[: _KEPT - len(self.times_ms)]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameJob:
-    """Frames of a seed: number ``first`` and those that follow."""
-
-    seed: int
-    first: int
-    count: int
-
-
 @dataclass(slots=True)
 class FrameOutcome:
-    """What a job came to; ``flaws`` are (number, kind, what is wrong)."""
+    """What some frames came to; ``flaws`` are (number, kind, what is wrong)."""
 
     kinds: defaultdict[str, KindTally] = field(default_factory=lambda: defaultdict(KindTally))
     flaws: list[tuple[int, str, str]] = field(default_factory=list)
@@ -108,22 +100,18 @@ def corpus_of(seed: int) -> Corpus:
 
 
 def _prepare_worker() -> None:
-    end_worker_with_parent()
-    quiet_decoder()
-
-
-def quiet_decoder() -> None:
     """Send what libjpeg and libpng print about each broken image to nowhere."""
+    end_worker_with_parent()
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     os.close(nowhere)
 
 
-def feed(job: FrameJob) -> FrameOutcome:
-    """Feed the frames of a job to the decoder, one after the other."""
-    outcome, corpus, state = FrameOutcome(), corpus_of(job.seed), GuardState()
-    for number in range(job.first, job.first + job.count):
-        frame = hostile_frame(corpus, job.seed, number)
+def feed(seed: int, numbers: range) -> FrameOutcome:
+    """Feed the frames of a seed with these numbers to the decoder, one after the other."""
+    outcome, corpus, state = FrameOutcome(), corpus_of(seed), GuardState()
+    for number in numbers:
+        frame = hostile_frame(corpus, seed, number)
         if number % 8:  # else the memory of the frame before stays, as it does in flight
             state = GuardState()
         resident_kib = reset_peak()
@@ -166,15 +154,15 @@ def feed_all(
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, initializer=_prepare_worker) as pool:
         while first < count and len(total.flaws) < MOST_FLAWS:
-            jobs: list[FrameJob] = []
+            jobs: list[range] = []
             while len(jobs) < 2 * workers and first < count:
-                jobs.append(FrameJob(seed, first, min(FRAMES_PER_JOB, count - first)))
+                jobs.append(range(first, min(first + FRAMES_PER_JOB, count)))
                 first += FRAMES_PER_JOB
             try:
-                for outcome in pool.map(feed, jobs):
+                for outcome in pool.map(functools.partial(feed, seed), jobs):
                     total.add(outcome)
             except BrokenProcessPool:
-                total.flaws.append((jobs[0].first, "one of these jobs", "ended the process"))
+                total.flaws.append((jobs[0].start, "one of these jobs", "ended the process"))
                 return total
             on_progress(total)
     return total
