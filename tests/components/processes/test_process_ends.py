@@ -15,22 +15,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from loopback import free_endpoint, free_tcp_port, listening_peer
-from recorded_flight import fly
+from recorded_flight import fly, write_recording
 from started_commands import Command, Started, zenoh_words
 from textured_wall import texture
 
-from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.image import encode_png
-from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_sim.demo.flight.ports import any_port
 
 ENDINGS = ("SIGTERM", "SIGINT", "SIGHUP", "SIGKILL", "parent")
 COUNT = int(os.environ.get("DFVS_ENDINGS", 2))
 
 
 def free_udp():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"udpin://127.0.0.1:{probe.getsockname()[1]}"
+    return f"udpin://127.0.0.1:{any_port(socket.SOCK_DGRAM)}"
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +36,7 @@ def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     rng = np.random.default_rng(3)
     (folder / "goal.png").write_bytes(encode_png(texture(rng)[:240, :320].astype(np.uint8)))
-    flight = fly(rng, frames=24)
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
-    for message, payload in flight.events:
-        add = recorder.open if isinstance(message, SessionHeader) else recorder.add
-        add(message, payload)
-    recorder.close()
+    write_recording(folder, fly(rng, frames=24).events)
     return folder
 
 
