@@ -111,10 +111,9 @@ def approach_status(t_ns, t_s, left, **fields):
 class TelemetryVehicle:
     """Approaches a textured wall again and again; judges orders as the gate does."""
 
-    def __init__(self, endpoint, name="swift", key=None, pixel_format=PixelFormat.JPEG):
+    def __init__(self, endpoint, name="swift", key=None):
         config = load_config(None, {"vehicle.name": name, "zenoh.listen": [endpoint]})
         self.topics = Topics(name)
-        self.pixel_format = pixel_format
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
         self.pictures = TelemetryImages(CLOCK, 0.3, 70)
@@ -194,7 +193,7 @@ class TelemetryVehicle:
             self.halfway.set()
         index = round((1.0 - left) * (PICTURES - 1))
         frame = Frame(self.views[index], t_ns, self.seq)
-        payload, attachment = encode_frame(frame, self.pixel_format, CLOCK)
+        payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
         self.session.put(self.topics.camera, payload, attachment=attachment)
         self.seq += 1
         flow = self.flows[index]
