@@ -24,7 +24,7 @@ from dfvs_robustness.harness.state_setup import FLOWN_OR_ENDED, end_flight, reac
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
-SEARCHING = Setup("texture", ("telemetry.state_hz=10",), matcher="dfvs-flow")
+SEARCHING = Setup("dfvs-flow", ("telemetry.state_hz=10",))
 """The shipped model relocalises on every frame while the goal is out of view."""
 
 ANSWER_MS = 500.0
