@@ -27,6 +27,9 @@ T = TypeVar("T")
 KEY = b"the harness signs its orders so."
 """Secret of the signed commands of the harness."""
 
+CHILDREN = ("gate", "perception", "operator_link", "flights")
+"""Processes of the service beside its parent; ``flights`` is the black box, where there is one."""
+
 _POLL_S = 0.005
 _GRACE_S = 4.0
 _STATUS_S = 3.0
@@ -89,7 +92,7 @@ class ServiceProcess:
         self._children: dict[str, psutil.Process] = {}
 
     def pid(self, name: str) -> int:
-        """Process id of ``parent``, ``gate``, ``perception`` or ``operator_link``."""
+        """Process id of ``parent`` or of one of ``CHILDREN``."""
         if name == "parent":
             return self.process.pid
         if name not in self._children:
@@ -99,7 +102,7 @@ class ServiceProcess:
     def _find_children(self) -> None:
         for child in psutil.Process(self.process.pid).children():
             words = " ".join(child.cmdline())
-            for name in ("gate", "perception", "operator_link"):
+            for name in CHILDREN:
                 if f"dfvs_service.{name}" in words:
                     self._children[name] = child
 
