@@ -66,11 +66,6 @@ def beside(module, says="", *words):
     return lambda _, endpoint: Command((module, *words, *zenoh_words(endpoint)), says)
 
 
-def bench(_data, _endpoint):
-    words = ("lockstep", "--seeds", "1-100", "--workers", "2")
-    return Command(("dfvs_bench.cli", *words), runs="spawn_main")
-
-
 COMMANDS = {
     "service": lambda d, e: service(d, e, "--record", "recordings", runs="dfvs_service.flights"),
     "service --check": lambda d, e: service(d, e, "--check", "--check-timeout", "60"),
@@ -102,7 +97,9 @@ COMMANDS = {
         ("dfvs_service.replay.cli", str(d / "flight-000.mcap"), "--bundle", "dfvs-flow"),
         loads="onnxruntime",
     ),
-    "bench": bench,
+    "bench": lambda _, e: Command(
+        ("dfvs_bench.cli", "lockstep", "--seeds", "1-100", "--workers", "2"), runs="spawn_main"
+    ),
     "export": lambda _, e: Command(
         ("dfvs_export.cli", "bench", "dfvs-flow", "--runs", "9999"), runs="spawn_main"
     ),
