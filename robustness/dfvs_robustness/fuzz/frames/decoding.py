@@ -150,21 +150,21 @@ def feed_all(
     count: int, workers: int, seed: int, on_progress: Callable[[FrameOutcome], None]
 ) -> FrameOutcome:
     """Feed so many frames to decoders in processes of their own, which a broken one may end."""
-    total, first = FrameOutcome(), 0
+    jobs = [range(n, min(n + FRAMES_PER_JOB, count)) for n in range(0, count, FRAMES_PER_JOB)]
+    total, at_once = FrameOutcome(), 2 * workers
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, initializer=_prepare_worker) as pool:
-        while first < count and len(total.flaws) < MOST_FLAWS:
-            jobs: list[range] = []
-            while len(jobs) < 2 * workers and first < count:
-                jobs.append(range(first, min(first + FRAMES_PER_JOB, count)))
-                first += FRAMES_PER_JOB
+        for k in range(0, len(jobs), at_once):
+            some = jobs[k : k + at_once]
             try:
-                for outcome in pool.map(functools.partial(feed, seed), jobs):
+                for outcome in pool.map(functools.partial(feed, seed), some):
                     total.add(outcome)
             except BrokenProcessPool:
-                total.flaws.append((jobs[0].start, "one of these jobs", "ended the process"))
-                return total
+                total.flaws.append((some[0].start, "one of these jobs", "ended the process"))
+                break
             on_progress(total)
+            if len(total.flaws) >= MOST_FLAWS:
+                break
     return total
 
 
