@@ -108,6 +108,10 @@ class Environment:
         self._note(t_ns, kind, fields)
         return t_ns
 
+    def last(self, kind: str) -> Event:
+        """Newest event of a kind in the record; empty where there is none."""
+        return next((event for event in reversed(self.events) if event["kind"] == kind), {})
+
     def place(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:
         """Move the scene so that the vehicle is here in it, from now on."""
 

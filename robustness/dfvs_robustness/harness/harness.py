@@ -131,10 +131,8 @@ class Harness:
 
     def is_moving(self) -> bool:
         """Whether the last setpoint at the vehicle was not nearly zero."""
-        for event in reversed(self.environment.events):
-            if event["kind"] == "setpoint":
-                return math.hypot(*event["velocity"]) > _MOVING_M_S
-        return False
+        velocity = self.environment.last("setpoint").get("velocity", ())
+        return math.hypot(*velocity) > _MOVING_M_S
 
     # --- the service ------------------------------------------------------------------------
 
@@ -217,11 +215,5 @@ class Harness:
     def await_heartbeat(self) -> None:
         """Wait for the vehicle's next heartbeat to have reached the service."""
         since_ns = time.monotonic_ns()
-        wait_until(
-            lambda: any(
-                e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns
-                for e in self.environment.events[-400:]
-            ),
-            2.0,
-        )
+        wait_until(lambda: self.environment.last("heartbeat_sent").get("t_ns", 0) > since_ns, 2.0)
         time.sleep(0.02)
