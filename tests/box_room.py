@@ -80,14 +80,15 @@ class PosedMatcher:
         return PosedView(self._room.camera, self.T_world_camera.copy())
 
     def match(self, current, other, *, excluded=()):
-        if self.is_blind:
-            return empty_flow(current.size)
-        exact = self._room.flow(current.T_world_camera, other.T_world_camera)
-        return FlowField((exact.flow + self._noise()).astype(np.float32), exact.confidence)
+        return empty_flow(current.size) if self.is_blind else self._found(current, other)
 
     def track(self, current, other, predicted):
         self.predicted.append(predicted)
-        return None if self.is_blind else self.match(current, other)
+        return None if self.is_blind else self._found(current, other)
 
     def extend(self, current, other, known):
         return None
+
+    def _found(self, current, other):
+        exact = self._room.flow(current.T_world_camera, other.T_world_camera)
+        return FlowField((exact.flow + self._noise()).astype(np.float32), exact.confidence)

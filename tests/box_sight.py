@@ -1,11 +1,10 @@
 """Pictures that name their pose, and a matcher that knows the flow between them exactly."""
 
 import numpy as np
-from box_room import BoxRoom
+from box_room import BoxRoom, PosedMatcher
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
-from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.4)
 ROOM = BoxRoom(CAMERA)
@@ -18,28 +17,18 @@ def pose(yaw_deg):
     return make_pose(R, np.zeros(3))
 
 
-class PictureOfPose(ImageFeatures):
-    """A picture whose first two bytes tell the heading: 0.01 degrees a unit."""
+class KnowingMatcher(PosedMatcher):
+    """Exact flow between the poses that the pictures name.
 
-    def __init__(self, image):
-        super().__init__(image.shape[:2])
-        self.T = pose((int(image[0, 0, 0]) * 256 + int(image[0, 0, 1])) * 0.01)
+    Their first two bytes tell the heading: 0.01 degrees a unit.
+    """
 
-
-class KnowingMatcher:
-    """Exact flow between the poses that the pictures name."""
+    def __init__(self):
+        super().__init__(ROOM, lambda: 0.0)
 
     def encode(self, image):
-        return PictureOfPose(image)
-
-    def match(self, current, other, *, excluded=()):
-        return ROOM.flow(current.T, other.T)
-
-    def track(self, current, other, predicted):
-        return ROOM.flow(current.T, other.T)
-
-    def extend(self, current, other, known):
-        return None
+        self.T_world_camera = pose((int(image[0, 0, 0]) * 256 + int(image[0, 0, 1])) * 0.01)
+        return super().encode(image)
 
 
 def picture(yaw_deg):

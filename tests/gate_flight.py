@@ -12,11 +12,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from vehicle_process import free_port
+from waiting import until
 
 from dfvs_service.settings.config import load_config
 
@@ -70,7 +71,6 @@ class Flight:
     folder: Path
     parent: subprocess.Popen[str]
     start_ns: int
-    pids: dict[str, int] = field(default_factory=dict)
 
     def log(self) -> list[dict[str, Any]]:
         path = self.folder / "gate.jsonl"
@@ -88,10 +88,7 @@ class Flight:
         return self
 
     def wait(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, self.log()[-5:]
-            time.sleep(0.02)
+        assert until(condition, timeout_s), self.log()[-5:]
 
     def pid(self, name: str) -> int:
         """Process id of the gate or of perception."""
@@ -119,8 +116,8 @@ class Flight:
     def setpoints(self, since_ns: int = 0) -> list[dict[str, Any]]:
         return self.vehicle.events("setpoint", max(since_ns, self.start_ns))
 
-    def modes_asked(self, since_ns: int = 0) -> list[str]:
-        events = self.vehicle.events("mode_command", max(since_ns, self.start_ns))
+    def modes_asked(self) -> list[str]:
+        events = self.vehicle.events("mode_command", self.start_ns)
         return [e["mode"] for e in events]
 
     def settle(self, seconds: float = 0.6) -> Flight:

@@ -1,6 +1,5 @@
 """A board in front of a wall, seen by a camera that moves: pictures and the exact flow."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -13,12 +12,12 @@ _BOARD = (slice(40, 200), slice(170, 290))
 """Rows and columns of the board in the first picture."""
 
 
-@dataclass(frozen=True)
-class TwoPlanes:
-    """The second camera is ``step_m`` (3,) away from the first, turned by ``turn_rad`` (3,)."""
+_STEP_M, _TURN_RAD = np.array([0.5, 0.1, 0.3]), np.array([0.02, -0.1, 0.05])
+"""Of the second camera from the first."""
 
-    step_m: tuple[float, float, float] = (0.5, 0.1, 0.3)
-    turn_rad: tuple[float, float, float] = (0.02, -0.1, 0.05)
+
+class TwoPlanes:
+    """The view, worked out when it is asked for."""
 
     @cached_property
     def board(self):
@@ -29,9 +28,9 @@ class TwoPlanes:
 
     def homography(self, depth_m):
         """From the first picture to the second, of a plane facing the first camera."""
-        R, _ = cv2.Rodrigues(np.array(self.turn_rad))
+        R, _ = cv2.Rodrigues(_TURN_RAD)
         n = np.array([0.0, 0.0, 1.0])
-        return _K @ (R - np.outer(R @ np.array(self.step_m), n) / depth_m) @ np.linalg.inv(_K)
+        return _K @ (R - np.outer(R @ _STEP_M, n) / depth_m) @ np.linalg.inv(_K)
 
     @cached_property
     def flow(self):

@@ -35,11 +35,9 @@ def setpoint(
     )
 
 
-def sticks(forward: float = 0.0, up: float = 0.0) -> Any:
-    """MANUAL_CONTROL, in shares of full deflection."""
-    return mavlink.MAVLink_manual_control_message(
-        1, round(1000 * forward), 0, round(500 + 500 * up), 0, 0
-    )
+def sticks(forward: float = 0.0) -> Any:
+    """MANUAL_CONTROL, in shares of full deflection; nothing up or down."""
+    return mavlink.MAVLink_manual_control_message(1, round(1000 * forward), 0, 500, 0, 0)
 
 
 def gcs_heartbeat() -> Any:

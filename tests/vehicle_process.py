@@ -14,6 +14,7 @@ from mavsdk.component_type import ComponentType
 from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.system import System
 
+from dfvs_sim.demo.flight.ports import any_port
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.vehicle.record import read_record
@@ -22,9 +23,7 @@ RUNNER = Path(__file__).parent / "components" / "vehicle" / "run_vehicle.py"
 
 
 def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+    return any_port(socket.SOCK_DGRAM)
 
 
 @dataclass

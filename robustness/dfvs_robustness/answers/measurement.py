@@ -15,16 +15,16 @@ import zenoh
 
 from dfvs_core.gate.commands.command import request_id
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.gate.states import GateState
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
 from dfvs_robustness.harness.service import HarnessError, wait_until
 from dfvs_robustness.harness.setup import TEXTURE, Setup
-from dfvs_robustness.harness.state_setup import reach_state
+from dfvs_robustness.harness.state_setup import FLOWN_OR_ENDED, end_flight, reach_state
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
-SEARCHING = Setup("texture", ("telemetry.state_hz=10",), matcher="dfvs-flow")
+SEARCHING = Setup("dfvs-flow", ("telemetry.state_hz=10",))
 """The shipped model relocalises on every frame while the goal is out of view."""
 
 ANSWER_MS = 500.0
@@ -133,7 +133,7 @@ def _problem(action: Action, answers: list[str]) -> str:
 
 
 def measure_answers(
-    harness: Harness, tries_per_state: int, report: Callable[[Try], None] = lambda _: None
+    harness: Harness, tries_per_state: int, report: Callable[[Try], None]
 ) -> tuple[Try, ...]:
     """Try hold and abort so often in every state, with every core busy.
 
@@ -232,7 +232,11 @@ def _reach(harness: Harness, state: GateState) -> None:
     if state is S.IDLE:
         harness.start_service(silent_vehicle=True)
     elif state is S.PREFLIGHT:
-        _reach_preflight(harness)
+        harness.repair()
+        harness.ensure_service()
+        harness.camera.lose_goal()
+        if harness.state in FLOWN_OR_ENDED:
+            end_flight(harness)
     elif state is S.ABORT:
         reach_state(harness, S.READY)
         harness.operator.command(Action.ABORT)
@@ -244,17 +248,3 @@ def _reach(harness: Harness, state: GateState) -> None:
     if state in _OUT_OF_VIEW:
         harness.camera.lose_goal()
     harness.await_state(state)
-
-
-def _reach_preflight(harness: Harness) -> None:
-    harness.repair()
-    harness.ensure_service()
-    harness.camera.lose_goal()
-    if harness.state in ENGAGED:
-        harness.operator.command(Action.ABORT)
-        harness.await_state(S.ABORT, S.RELEASED)
-    if harness.state in (S.ABORT, S.RELEASED):
-        harness.environment.pilot_mode(Mode.HOLD)
-        harness.await_heartbeat()
-        harness.operator.command(Action.ENGAGE)
-        harness.operator.command(Action.HOLD)  # takes the command to engage back

@@ -1,9 +1,7 @@
 """``dfvs-robustness answers``: how fast commands are answered, and how often the state comes."""
 
 import argparse
-import contextlib
 import dataclasses
-import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from dfvs_common.progress import log
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
+from dfvs_robustness.harness.load import take_precedence
 from dfvs_sim.options import require_folder, require_range, write_json
 
 _EPILOG = """examples:
@@ -46,9 +45,7 @@ def run(args: argparse.Namespace) -> int:
     per_state = -(-args.tries // len(GateState))
     require_range(args, 1, None, "tries", "seconds")
     require_folder("--json", args.json)
-    with contextlib.suppress(PermissionError):
-        # What measures must not be late itself; the service's own processes start at 0 again.
-        os.setpriority(os.PRIO_PROCESS, 0, -5)
+    take_precedence()
     with tempfile.TemporaryDirectory(prefix="dfvs-answers-") as folder:
         times = run_answers(Path(folder), per_state, args.seconds, _show)
     document = {**dataclasses.asdict(times), "passed": times.passed}

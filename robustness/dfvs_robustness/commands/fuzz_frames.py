@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.errors import ConfigError
+from dfvs_robustness.commands.fuzz_run import ProgressLine
 from dfvs_robustness.fuzz.frames.decoding import FrameOutcome, corpus_of, feed_all, hostile_frame
-from dfvs_robustness.fuzz.progress import ProgressLine
 from dfvs_sim.options import require_range, write_json
 
 MOST_TIME = 20.0

@@ -7,14 +7,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.finding import ReplayFormat
-from dfvs_robustness.fuzz.progress import ProgressLine
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
 from dfvs_sim.options import require_range, write_json
 
 T = TypeVar("T", bound=Tally)
 E = TypeVar("E")
+
+_PROGRESS_S = 5.0
+
+
+class ProgressLine:
+    """Prints at most one line on standard error every few seconds, while a run goes on."""
+
+    def __init__(self) -> None:
+        self._next_s = 0.0
+
+    def show(self, text: str) -> None:
+        """Print the text if it is time to."""
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _PROGRESS_S
+            log(f"  {text}")
 
 
 @dataclass(frozen=True, slots=True)

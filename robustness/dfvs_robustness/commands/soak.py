@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
-from dfvs_robustness.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
+from dfvs_robustness.soak.verdict import MAX_MB_PER_H, judge, latency_figures
 from dfvs_sim.demo.flight.flight import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
@@ -115,7 +115,7 @@ def figures(mission: Mission, minutes: float, ended: str) -> dict[str, Any]:
         "holds": [asdict(hold) | {"false": hold.is_false} for hold in mission.holds],
         "ended_early": ended,
         "limit_mb_per_h": MAX_MB_PER_H,
-        "processes": document(verdicts),
+        "processes": [asdict(v) | {"passed": v.passed} for v in verdicts],
         "latency_ms": latency_figures(samples),
         "verdict": "passed" if all_well and not ended else "failed",
         "flown": [asdict(leg) for leg in mission.legs],

@@ -75,6 +75,5 @@ def _watch(harness: Harness, fault: Fault, state: GateState, settle_s: float) ->
         over_ns = time.monotonic_ns()
         time.sleep(_SETTLE_S)
         return over_ns
-    else:
-        time.sleep(max(fault.watch_s, fault.limit_ms / 1000 + settle_s))
+    time.sleep(max(fault.watch_s, fault.limit_ms / 1000 + settle_s))
     return time.monotonic_ns()

@@ -68,9 +68,7 @@ def _foreign_system(harness: Harness, rng: np.random.Generator) -> int:
 
 def _foreign_elsewhere(harness: Harness, rng: np.random.Generator) -> int:
     """Somebody who wants to go elsewhere sends setpoints at 50 Hz on a link of their own."""
-    ours = next(e for e in reversed(harness.environment.events) if e["kind"] == "setpoint")[
-        "velocity"
-    ]
+    ours = harness.environment.last("setpoint")["velocity"]
     off = 0.0
     while off < _ELSEWHERE_M_S:
         angle = rng.uniform(0.0, math.tau)

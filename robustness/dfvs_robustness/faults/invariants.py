@@ -7,8 +7,8 @@ what the core decides when the gate's journal is replayed.
 import bisect
 import itertools
 import math
-from collections.abc import Iterator, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.errors import WireError
@@ -31,6 +31,10 @@ _CAPTURE_NS = 300 * MS
 _FAULT_NS = 100 * MS
 _TAKEOVER_NS = 50 * MS
 _FRAME, _MASK = 8, 0x5C7
+_BY_VISION = (S.SERVO, S.DONE)
+"""States in which setpoints may be other than zero: the matrix's goals are held by vision."""
+_FLOWN = (S.HOLD, *_BY_VISION)
+"""States in which the vehicle is the gate's, and OFFBOARD confirmed."""
 _ALLOWED_COMMANDS = frozenset({511, 512, 520})
 """Message intervals, single messages and capabilities: what MAVSDK and the gate ask for."""
 
@@ -44,19 +48,15 @@ class Violation:
     text: str
 
 
-@dataclass(slots=True)
 class _Timeline:
-    """The gate's state at any time."""
+    """The gate's state at any time, and since when."""
 
-    transitions: Sequence[Event]
-    times: list[int] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.times = [t["t_ns"] for t in self.transitions]
+    def __init__(self, transitions: Sequence[Event]) -> None:
+        self.times: list[int] = [t["t_ns"] for t in transitions]
+        self._states = [S.IDLE, *(GateState(t["target"]) for t in transitions)]
 
     def at(self, t_ns: int) -> GateState:
-        i = bisect.bisect_right(self.times, t_ns)
-        return GateState(self.transitions[i - 1]["target"]) if i else S.IDLE
+        return self._states[bisect.bisect_right(self.times, t_ns)]
 
     def since(self, t_ns: int) -> int:
         i = bisect.bisect_right(self.times, t_ns)
@@ -71,10 +71,10 @@ def check(run: Run) -> list[Violation]:
     return [
         *_limits(setpoints),
         *_reduced_speed(setpoints, timeline, run),
-        *_only_by_vision(_in_time(setpoints, run), timeline, _moving_states(run)),
+        *_only_by_vision(_in_time(setpoints, run), timeline),
         *_rhythm(setpoints, timeline, run),
         *_freshness(_in_time(setpoints, run), run.frames),
-        *_takeovers(ours, timeline, {S.HOLD, *_moving_states(run)}),
+        *_takeovers(ours, timeline),
         *_one_commander(setpoints),
         *_replayed(run.journal),
         *_no_arming(ours),
@@ -128,19 +128,12 @@ def _reduced_speed(
             yield Violation("I1", setpoint["t_ns"], f"not at reduced speed, {speed:.3f} m/s")
 
 
-def _moving_states(run: Run) -> frozenset[GateState]:
-    """States in which setpoints may be other than zero."""
-    return frozenset({S.SERVO, S.DONE} if run.holds_visually else {S.SERVO})
-
-
-def _only_by_vision(
-    setpoints: Sequence[Event], timeline: _Timeline, moving: Set[GateState]
-) -> Iterator[Violation]:
-    """I2, and the second half of I4: not zero in ``moving`` alone, and 100 ms later nowhere."""
+def _only_by_vision(setpoints: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
+    """I2, and the second half of I4: not zero in SERVO and DONE alone, and 100 ms later nowhere."""
     for setpoint in filter(moves, setpoints):
         t_ns = setpoint["t_ns"]
         state = timeline.at(t_ns)
-        if state in moving:
+        if state in _BY_VISION:
             continue
         late_ns = t_ns - timeline.since(t_ns)
         if late_ns > _FAULT_NS:
@@ -173,12 +166,8 @@ def _freshness(setpoints: Sequence[Event], frames: Sequence[int]) -> Iterator[Vi
             yield Violation("I4", setpoint["t_ns"], text)
 
 
-def _takeovers(
-    events: Sequence[Event], timeline: _Timeline, flown: Set[GateState]
-) -> Iterator[Violation]:
+def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
     """I5: after the message that tells of a takeover nothing, until the gate is engaged again.
-
-    ``flown`` are the states in which the vehicle is the gate's, and OFFBOARD confirmed.
 
     A message takes its time: a gate that aborts for a fault of its own in that moment, as of the
     very estimate for which the autopilot has left OFFBOARD, may request Hold before it receives it.
@@ -189,7 +178,7 @@ def _takeovers(
         is_late = taken_ns is not None and t_ns - taken_ns > _TAKEOVER_NS
         if event["kind"] in MODE_REPORTS:
             is_ours = event["mode"] == "OFFBOARD" and event.get("armed", True)
-            if state in flown and not is_ours:
+            if state in _FLOWN and not is_ours:
                 taken_ns = t_ns if taken_ns is None else taken_ns
         elif taken_ns is not None and state in (S.PREFLIGHT, S.READY, S.ENGAGE):
             taken_ns = None

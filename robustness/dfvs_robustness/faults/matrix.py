@@ -1,10 +1,8 @@
 """The matrix: every fault in every state with every seed, in parallel, resumable."""
 
-import contextlib
 import dataclasses
 import json
 import multiprocessing
-import os
 import queue
 import shutil
 import tempfile
@@ -12,9 +10,10 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from multiprocessing.queues import Queue
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from dfvs_common.child import end_worker_with_parent
 from dfvs_common.lifecycle import exit_on_signals
@@ -30,6 +29,7 @@ from dfvs_robustness.faults.process_faults import process_faults
 from dfvs_robustness.faults.start_faults import start_faults
 from dfvs_robustness.faults.vehicle_faults import vehicle_faults
 from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.load import take_precedence
 from dfvs_robustness.harness.records import Run
 from dfvs_robustness.harness.setup import Setup
 
@@ -64,13 +64,6 @@ class Result:
 
     outcome: Outcome | None = None
     violations: tuple[str, ...] = ()
-
-
-class Worker(Protocol):
-    """A process that runs cases."""
-
-    def is_alive(self) -> bool:
-        """Whether it has not ended."""
 
 
 def all_faults() -> dict[str, Fault]:
@@ -161,7 +154,9 @@ def _run_groups(
             process.kill()
 
 
-def pass_on(done: Done, workers: Sequence[Worker], on_result: Callable[[Result], None]) -> None:
+def pass_on(
+    done: Done, workers: Sequence[BaseProcess], on_result: Callable[[Result], None]
+) -> None:
     """Pass on results until every worker has said that it is through, or none is alive.
 
     A worker that is killed says nothing; its cases have no outcome.
@@ -207,9 +202,7 @@ def _work(number: int, todo: Todo, done: Done, until: float) -> None:
     """One worker process: groups one after the other."""
     exit_on_signals()
     end_worker_with_parent()
-    with contextlib.suppress(PermissionError):
-        # What measures must not be late itself; the service's own processes start at 0 again.
-        os.setpriority(os.PRIO_PROCESS, 0, -5)
+    take_precedence()
     while (group := todo.get()) is not None and time.monotonic() < until:
         folder = Path(tempfile.mkdtemp(prefix=f"dfvs-faults-{number}-"))
         try:

@@ -127,7 +127,7 @@ def start_faults() -> tuple[Fault, ...]:
         fault(
             ("wrong-goal", "goal of another place", "overlap at preflight"),
             (Reaction.REFUSED, 0.0, (S.PREFLIGHT,), _ordered),
-            Setup(sees="texture", other_goal=True),
+            Setup("classical", other_goal=True),
             watch_s=2.5,
         ),
         fault(

@@ -32,8 +32,7 @@ _fault = functools.partial(fault, spares_frames=True)
 
 def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
     harness.environment.stream("HEARTBEAT", -1.0)
-    beats = [e["t_ns"] for e in harness.environment.events[-3000:] if e["kind"] == "heartbeat_sent"]
-    return int(beats[-1])
+    return int(harness.environment.last("heartbeat_sent")["t_ns"])
 
 
 def _next_sent(harness: Harness, since_ns: int, kinds: Sequence[str]) -> int:

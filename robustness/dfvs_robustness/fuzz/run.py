@@ -1,5 +1,9 @@
-"""Run of many episodes of a fuzz target on several cores, up to a number of events."""
+"""Run of many episodes of a fuzz target on several cores, up to a number of events.
 
+What fails is made as short as possible.
+"""
+
+import functools
 import itertools
 import multiprocessing
 import time
@@ -33,6 +37,7 @@ class Tally:
 
 T = TypeVar("T", bound=Tally)
 E = TypeVar("E")
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,16 +75,6 @@ class Target(Generic[T, E]):
         return Finding(shortest, finding.rule, violation.text if violation else finding.text)
 
 
-@dataclass(frozen=True, slots=True)
-class Job(Generic[T, E]):
-    """A few episodes: the target, the seed and the numbers of the episodes."""
-
-    target: Target[T, E]
-    seed: int
-    first: int
-    count: int = EPISODES_PER_JOB
-
-
 @dataclass(slots=True)
 class Outcome(Generic[T, E]):
     """Result of a run, or of a part of it."""
@@ -90,13 +85,12 @@ class Outcome(Generic[T, E]):
     """Processor time of all workers, in s."""
 
 
-def do(job: Job[T, E]) -> Outcome[T, E]:
-    """Run the episodes of a job; what fails is shrunk."""
-    target = job.target
+def run_job(target: Target[T, E], seed: int, numbers: range) -> Outcome[T, E]:
+    """Run the episodes with these numbers; what fails is shrunk."""
     outcome: Outcome[T, E] = Outcome(target.tally())
     began_s = time.process_time()
-    for number in range(job.first, job.first + job.count):
-        finding = target.run_episode((job.seed, number), outcome.tally)
+    for number in numbers:
+        finding = target.run_episode((seed, number), outcome.tally)
         if finding is not None:
             outcome.findings.append(target.shrink(finding))
     outcome.busy_s = time.process_time() - began_s
@@ -142,19 +136,44 @@ def run_episodes(
 @contextmanager
 def _outcomes(target: Target[T, E], workers: int, seed: int) -> Iterator[Iterator[Outcome[T, E]]]:
     """Give outcomes of one job after the other, for as long as they are asked for."""
-    jobs = (Job(target, seed, first) for first in itertools.count(0, EPISODES_PER_JOB))
+    work = functools.partial(run_job, target, seed)
+    jobs = (range(n, n + EPISODES_PER_JOB) for n in itertools.count(0, EPISODES_PER_JOB))
     if workers == 1:
-        yield map(do, jobs)
+        yield map(work, jobs)
         return
     pool: Pool
     with multiprocessing.get_context("spawn").Pool(workers, end_worker_with_parent) as pool:
-        yield _pooled(pool, jobs, workers)
+        yield _pooled(pool, work, jobs, workers)
 
 
-def _pooled(pool: Pool, jobs: Iterator[Job[T, E]], workers: int) -> Iterator[Outcome[T, E]]:
+def _pooled(
+    pool: Pool,
+    work: Callable[[range], Outcome[T, E]],
+    jobs: Iterator[range],
+    workers: int,
+) -> Iterator[Outcome[T, E]]:
     """Outcomes in the order of the jobs, with a few jobs in work at any time."""
-    at_work = [pool.apply_async(do, (next(jobs),)) for _ in range(2 * workers)]
+    at_work = [pool.apply_async(work, (next(jobs),)) for _ in range(2 * workers)]
     while True:
         outcome = at_work.pop(0).get()
-        at_work.append(pool.apply_async(do, (next(jobs),)))
+        at_work.append(pool.apply_async(work, (next(jobs),)))
         yield outcome
+
+
+def shrink_list(items: list[Item], fails: Callable[[list[Item]], bool]) -> list[Item]:
+    """Leave out parts of a failing list, then single items, as long as what is left still fails.
+
+    This is delta debugging; ``fails`` tells whether a list fails.
+    """
+    size = max(len(items) // 2, 1)
+    while True:
+        start, shortened = 0, False
+        while start < len(items):
+            rest = items[:start] + items[start + size :]
+            if fails(rest):
+                items, shortened = rest, True
+            else:
+                start += size
+        if size == 1 and not shortened:
+            return items
+        size = max(size // 2, 1)

@@ -16,7 +16,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_robustness.harness.camera import PERIOD_NS, ScriptedCamera
-from dfvs_robustness.harness.records import mode_report
+from dfvs_robustness.harness.records import Event, mode_report
 from dfvs_robustness.harness.wall import Pose
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
@@ -32,7 +32,7 @@ BATTERY = mavlink.FAILURE_UNIT_SYSTEM_BATTERY
 GPS = mavlink.FAILURE_UNIT_SENSOR_GPS
 MAVLINK_SIGNAL = mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL
 
-_AHEAD_NS = 25_000_000_000
+AHEAD_NS = 25_000_000_000
 _POSE_NS = 100_000_000
 _LATE_NS = 40_000_000
 """Delay of the environment itself from which on it is noted in the record."""
@@ -46,8 +46,6 @@ _PARAMETERS = {
 _FOREIGN_NS = 20_000_000
 _CALL_S = 5.0
 _PILOT_S, _PILOT_POLL_S = 2.0, 0.05
-
-Event = dict[str, Any]
 
 
 class Environment:
@@ -64,7 +62,6 @@ class Environment:
     """
 
     def __init__(self, record: Path, port: int, rng: np.random.Generator) -> None:
-        self.camera: ScriptedCamera | None = None
         self.events: list[Event] = []
         """The record so far: ``t_ns``, ``kind`` and the event's fields."""
         self._file = VehicleRecord(record)
@@ -80,8 +77,9 @@ class Environment:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="environment", daemon=True)
 
-    def start(self) -> None:
-        """Let time pass."""
+    def start(self, camera: ScriptedCamera) -> None:
+        """Let time pass, and the camera take its images."""
+        self._camera = camera
         self._thread.start()
 
     def close(self) -> None:
@@ -109,6 +107,10 @@ class Environment:
         t_ns = time.monotonic_ns()
         self._note(t_ns, kind, fields)
         return t_ns
+
+    def last(self, kind: str) -> Event:
+        """Newest event of a kind in the record; empty where there is none."""
+        return next((event for event in reversed(self.events) if event["kind"] == kind), {})
 
     def place(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:
         """Move the scene so that the vehicle is here in it, from now on."""
@@ -149,17 +151,14 @@ class Environment:
         """Let somebody else send a message to the vehicle at 50 Hz on another link, or stop it."""
         self._foreign = make
 
-    def command(self, command: int, *params: float) -> int:
-        """Give the vehicle a command over its ground link; returns when."""
-        padded = [*params, *[0.0] * (7 - len(params))]
-        message = mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded)
+    def inject(self, unit: int, kind: int, instance: int = 0) -> int:
+        """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station; returns when."""
+        message = mavlink.MAVLink_command_long_message(
+            1, 1, mavlink.MAV_CMD_INJECT_FAILURE, 0, unit, kind, instance, 0.0, 0.0, 0.0, 0.0
+        )
         message.pack(mavlink.MAVLink(None, 255, 190))
         self.do(lambda px4, now_ns: px4.handle(message, GROUND, now_ns))
         return time.monotonic_ns()
-
-    def inject(self, unit: int, kind: int, instance: int = 0) -> int:
-        """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station; returns when."""
-        return self.command(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
 
     def repair(self) -> bool:
         """Take back what was injected; tell whether the vehicle had to be replaced.
@@ -205,10 +204,10 @@ class Environment:
         return True
 
     def _hovering(self) -> Px4:
-        begin_ns = time.monotonic_ns() - _AHEAD_NS
+        begin_ns = time.monotonic_ns() - AHEAD_NS
         config = VehicleConfig(parameters=_PARAMETERS, estimate=EstimateGrade.MEDIUM)
         px4 = Px4(config, begin_ns, self._rng, self._note)
-        _take_off(px4, begin_ns)
+        take_off(px4, begin_ns)
         return px4
 
     def _turned(self, north: float, east: float) -> tuple[float, float]:
@@ -240,9 +239,9 @@ class Environment:
                 message = self._foreign()
                 message.pack(self._rogue)
                 self._px4.handle(message, GROUND, now_ns)
-            if self.camera is not None and now_ns >= next_frame_ns:
+            if now_ns >= next_frame_ns:
                 next_frame_ns = max(next_frame_ns + PERIOD_NS, now_ns)
-                self.camera.capture(self.pose(), time.monotonic_ns())
+                self._camera.capture(self.pose(), time.monotonic_ns())
             if now_ns >= next_pose_ns:
                 next_pose_ns = now_ns + _POSE_NS
                 v = self._px4.flight.vehicle
@@ -266,10 +265,16 @@ class Environment:
                 self._note(sent_ns, *reported)
 
 
-def _take_off(px4: Px4, begin_ns: int) -> None:
-    """Fly from the ground to a hover, as fast as it can be computed."""
+def take_off(px4: Px4, begin_ns: int) -> None:
+    """Fly from the ground to a hover within ``AHEAD_NS``, as fast as it can be computed.
+
+    Raises
+    ------
+    RuntimeError
+        If the vehicle does not hover then.
+    """
     t_ns, asked = begin_ns, False
-    while t_ns < begin_ns + _AHEAD_NS:
+    while t_ns < begin_ns + AHEAD_NS:
         t_ns += STEP_NS
         px4.step(t_ns)
         if not asked and px4.status.ready and px4.arm(t_ns) is None:

@@ -17,7 +17,6 @@ from dfvs_common.zenoh_session import open_session
 from dfvs_core.gate.states import GateState
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import ZenohMode
-from dfvs_robustness.harness.camera import ScriptedCamera
 from dfvs_robustness.harness.environment import Environment
 from dfvs_robustness.harness.records import Run
 from dfvs_robustness.harness.service import HarnessError, Operator, ServiceProcess, wait_until
@@ -50,9 +49,8 @@ class Harness:
         mode: ZenohMode = "client" if setup.via_router else "peer"
         self.session = self._stack.enter_context(open_session(mode, (self.endpoint,)))
         self._publisher = self.session.declare_publisher(self.topics.camera)
-        camera = setup.camera(self.rng, lambda p, a: self._publisher.put(p, attachment=a))
-        self.environment.camera = camera
-        setup.write_inputs(folder, camera.wall, self.rng)
+        self.camera = setup.camera(self.rng, lambda p, a: self._publisher.put(p, attachment=a))
+        setup.write_inputs(folder, self.camera.wall, self.rng)
         self.operator = Operator(self.session, self.topics)
         self._tokens: list[Any] = []
         self.on_run_over: Callable[[Run], None] | None = None
@@ -63,7 +61,7 @@ class Harness:
         """Where the vehicle is put; a case gives a generator of its own seed."""
         self._run_from = 0
         self._service: ServiceProcess | None = None
-        self.environment.start()
+        self.environment.start(self.camera)
         self.place_far()
 
     def close(self) -> None:
@@ -77,13 +75,6 @@ class Harness:
     def endpoint(self) -> str:
         """Where the service listens for Zenoh peers."""
         return f"tcp/{LOOPBACK}:{self._zenoh}"
-
-    @property
-    def camera(self) -> ScriptedCamera:
-        """The scripted camera."""
-        if self.environment.camera is None:
-            raise HarnessError("the world has no camera")
-        return self.environment.camera
 
     @property
     def service(self) -> ServiceProcess:
@@ -140,10 +131,8 @@ class Harness:
 
     def is_moving(self) -> bool:
         """Whether the last setpoint at the vehicle was not nearly zero."""
-        for event in reversed(self.environment.events):
-            if event["kind"] == "setpoint":
-                return math.hypot(*event["velocity"]) > _MOVING_M_S
-        return False
+        velocity = self.environment.last("setpoint").get("velocity", ())
+        return math.hypot(*velocity) > _MOVING_M_S
 
     # --- the service ------------------------------------------------------------------------
 
@@ -176,19 +165,16 @@ class Harness:
             return
         self._service.close()
         if self.on_run_over is not None:
-            self.on_run_over(self._records(self._service))
+            run = Run(
+                self.environment.events[self._run_from :],
+                self._service.log.transitions(),
+                list(self.camera.good_ns),
+                self._service.runtime / "gate-inputs.jsonl",
+                self.disturbed_ns,
+                NO_RESPONSE_CHECK not in self.setup.settings,
+            )
+            self.on_run_over(run)
         self._service = None
-
-    def _records(self, service: ServiceProcess) -> Run:
-        """Everything that was recorded while a service ran."""
-        return Run(
-            self.environment.events[self._run_from :],
-            service.log.transitions(),
-            list(self.camera.good_ns),
-            service.runtime / "gate-inputs.jsonl",
-            self.disturbed_ns,
-            NO_RESPONSE_CHECK not in self.setup.settings,
-        )
 
     def words(self) -> list[str]:
         """Arguments of ``dfvs-service`` for this harness."""
@@ -229,11 +215,5 @@ class Harness:
     def await_heartbeat(self) -> None:
         """Wait for the vehicle's next heartbeat to have reached the service."""
         since_ns = time.monotonic_ns()
-        wait_until(
-            lambda: any(
-                e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns
-                for e in self.environment.events[-400:]
-            ),
-            2.0,
-        )
+        wait_until(lambda: self.environment.last("heartbeat_sent").get("t_ns", 0) > since_ns, 2.0)
         time.sleep(0.02)

@@ -34,8 +34,6 @@ class Run:
     disturbed_ns: int | None = None
     is_reduced: bool = True
     """Every flight begins at reduced speed, with the initial-response check."""
-    holds_visually: bool = True
-    """The goal is held by vision: setpoints in DONE may be other than zero."""
 
 
 def is_ours(event: Event) -> bool:

@@ -27,8 +27,13 @@ T = TypeVar("T")
 KEY = b"the harness signs its orders so."
 """Secret of the signed commands of the harness."""
 
+CHILDREN = ("gate", "perception", "operator_link", "flights")
+"""Processes of the service beside its parent; ``flights`` is the black box, where there is one."""
+
 _POLL_S = 0.005
 _GRACE_S = 4.0
+_STATUS_S = 3.0
+"""For the service to publish a state that is waited for."""
 
 
 class HarnessError(DfvsError):
@@ -87,7 +92,7 @@ class ServiceProcess:
         self._children: dict[str, psutil.Process] = {}
 
     def pid(self, name: str) -> int:
-        """Process id of ``parent``, ``gate``, ``perception`` or ``operator_link``."""
+        """Process id of ``parent`` or of one of ``CHILDREN``."""
         if name == "parent":
             return self.process.pid
         if name not in self._children:
@@ -97,7 +102,7 @@ class ServiceProcess:
     def _find_children(self) -> None:
         for child in psutil.Process(self.process.pid).children():
             words = " ".join(child.cmdline())
-            for name in ("gate", "perception", "operator_link"):
+            for name in CHILDREN:
                 if f"dfvs_service.{name}" in words:
                     self._children[name] = child
 
@@ -168,12 +173,12 @@ class Operator:
         if not servo["reason"]:
             self.seen_ns = servo["t_capture_ns"]
 
-    def wait(self, accept: Callable[[dict[str, Any]], bool], timeout_s: float) -> bool:
+    def _await(self, accept: Callable[[dict[str, Any]], bool]) -> bool:
         """Wait for a state that is accepted; tell whether it came."""
         with self._changed:
-            return self._changed.wait_for(lambda: accept(self.status), timeout_s)
+            return self._changed.wait_for(lambda: accept(self.status), _STATUS_S)
 
-    def command(self, action: Action, timeout_s: float = 3.0) -> str:
+    def command(self, action: Action) -> str:
         """Give a signed command; returns the service's answer.
 
         Raises
@@ -181,14 +186,14 @@ class Operator:
         HarnessError
             If it does not answer.
         """
-        command = self.signed(action, timeout_s)
+        command = self.signed(action)
         count = self.status["command_count"]
         self.send(command)
-        if not self.wait(lambda s: s["command_count"] > count, timeout_s):
+        if not self._await(lambda s: s["command_count"] > count):
             raise HarnessError(f"the service does not answer the order {action}")
         return str(self.status["command_result"])
 
-    def signed(self, action: Action, timeout_s: float = 3.0) -> bytes:
+    def signed(self, action: Action) -> bytes:
         """Bytes of a command with the challenge of a state that is published from now on.
 
         Raises
@@ -197,8 +202,7 @@ class Operator:
             If there is none.
         """
         since_ns = time.monotonic_ns()
-        fresh = self.wait(lambda s: bool(s.get("challenge")) and s["t_ns"] > since_ns, timeout_s)
-        if not fresh:
+        if not self._await(lambda s: bool(s.get("challenge")) and s["t_ns"] > since_ns):
             raise HarnessError("the service publishes no challenge")
         self.used_challenge = self.status["challenge"]
         self.last_command = signed(KEY, self._topics.vehicle, action, self.used_challenge)

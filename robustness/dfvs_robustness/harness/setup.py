@@ -33,10 +33,11 @@ _CALM = (
 class Setup:
     """What kind of service a case needs: ``settings`` are further ``--set`` words.
 
-    ``sees`` is ``texture`` (classical matcher, JPEG) or ``ramp`` (a network, raw pixels).
+    ``model`` sees a wall with texture (JPEG); without one, the network that can misbehave sees the
+    ramp (raw pixels).
     """
 
-    sees: str = "ramp"
+    model: str = ""
     settings: tuple[str, ...] = ()
     other_goal: bool = False
     """The goal image shows another wall."""
@@ -44,16 +45,13 @@ class Setup:
     """How the goal's sidecar says that the camera is mounted; it looks straight ahead."""
     via_router: bool = False
     """Service and camera meet through a Zenoh router."""
-    matcher: str = "classical"
-    """Model that sees the texture."""
 
     def camera(
         self, rng: np.random.Generator, publish: Callable[[bytes, bytes], None]
     ) -> ScriptedCamera:
         """Camera before the wall; ``publish`` takes payload and attachment."""
-        is_ramp = self.sees == "ramp"
-        texture = ramp_texture() if is_ramp else noise_texture(np.random.default_rng(7))
-        pixel_format = PixelFormat.RGB8 if is_ramp else PixelFormat.JPEG
+        texture = noise_texture(np.random.default_rng(7)) if self.model else ramp_texture()
+        pixel_format = PixelFormat.JPEG if self.model else PixelFormat.RGB8
         return ScriptedCamera(Wall(texture, CAMERA, rng), pixel_format, publish)
 
     def write_inputs(self, folder: Path, wall: Wall, rng: np.random.Generator) -> None:
@@ -70,7 +68,7 @@ class Setup:
 
         ``endpoint`` is where the service listens, or the router that it connects to.
         """
-        words = ["--goal", str(folder / "goal.png"), "--model", self._model(folder)]
+        words = ["--goal", str(folder / "goal.png"), "--model", self._model_in(folder)]
         listen = f"zenoh.listen=['{endpoint}']"
         if self.via_router:
             words += ["--set", "zenoh.mode='client'"]
@@ -80,14 +78,14 @@ class Setup:
             words += ["--set", setting]
         return words
 
-    def _model(self, folder: Path) -> str:
-        if self.sees == "texture":
-            return self.matcher
+    def _model_in(self, folder: Path) -> str:
+        if self.model:
+            return self.model
         bundle = folder / "bundle"
         if not bundle.exists():
             network.write_bundle(bundle)
         return str(bundle)
 
 
-TEXTURE = Setup(sees="texture")
+TEXTURE = Setup("classical")
 """The classical matcher sees a wall with texture."""

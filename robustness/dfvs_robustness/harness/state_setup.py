@@ -10,6 +10,7 @@ from dfvs_robustness.harness.service import HarnessError, wait_until
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
+FLOWN_OR_ENDED = (*ENGAGED, S.ABORT, S.RELEASED)
 
 _FRAMES_S = 0.3
 """Until frames from a new place have been looked at."""
@@ -28,6 +29,13 @@ def reach_state(harness: Harness, state: GateState) -> None:
     _SETUPS[state](harness)
 
 
+def end_flight(harness: Harness) -> None:
+    """Take the vehicle back from a gate that is engaged or was, and let the gate check it anew."""
+    _disengage(harness)
+    harness.operator.command(Action.ENGAGE)
+    harness.operator.command(Action.HOLD)  # takes the command to engage back
+
+
 def _disengage(harness: Harness) -> None:
     if harness.state in ENGAGED:
         harness.operator.command(Action.ABORT)
@@ -44,10 +52,8 @@ def _to_preflight(harness: Harness) -> None:
 
 
 def _to_ready(harness: Harness) -> None:
-    if harness.state in (*ENGAGED, S.ABORT, S.RELEASED):
-        _disengage(harness)
-        harness.operator.command(Action.ENGAGE)
-        harness.operator.command(Action.HOLD)  # takes the command to engage back
+    if harness.state in FLOWN_OR_ENDED:
+        end_flight(harness)
     else:
         harness.await_goal_in_view()  # a repair may still lead back to PREFLIGHT
     harness.await_state(S.READY, timeout_s=STARTUP_S)

@@ -49,8 +49,8 @@ class MissionOptions:
 
     folder: Path
     minutes: float
-    rate_hz: float = 20.0
-    service: tuple[str, ...] = ()
+    rate_hz: float
+    service: tuple[str, ...]
 
 
 class Mission(Flight):

@@ -6,7 +6,6 @@ import os
 import signal
 import time
 import zipfile
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.harness.harness import Harness
-from dfvs_robustness.harness.service import wait_until
+from dfvs_robustness.harness.service import CHILDREN, wait_until
 from dfvs_robustness.harness.setup import Setup
 from dfvs_service.cli import main
 from dfvs_service.flights.records import read_lines
@@ -40,14 +39,6 @@ def rig(tmp_path_factory, flights):
     rig = Harness(Setup(settings=settings), tmp_path_factory.mktemp("rig"), seed=1)
     yield rig
     rig.close()
-
-
-def children(pid):
-    """Process ids by name."""
-    names = ("gate", "perception", "operator_link", "flights")
-    pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    words = {int(pid): Path(f"/proc/{pid}/cmdline").read_text() for pid in pids}
-    return {n: pid for pid, line in words.items() for n in names if f"dfvs_service.{n}" in line}
 
 
 def fly(rig, flights):
@@ -117,8 +108,7 @@ def check_report(exported, folder):
 
 def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
-    pids = [rig.service.process.pid, *children(rig.service.process.pid).values()]
-    assert len(pids) == 5
+    pids = [rig.service.pid(name) for name in ("parent", *CHILDREN)]
     killed_ns = time.monotonic_ns()
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
@@ -149,8 +139,7 @@ def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, t
 )
 def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
-    pids = children(rig.service.process.pid) | {"parent": rig.service.process.pid}
-    os.kill(pids[name], signal.SIGKILL)
+    os.kill(rig.service.pid(name), signal.SIGKILL)
     rig.service.process.wait(60.0)
     page, exported, replayed = opened(capsys, flights, folder, tmp_path)
     assert (page["status"], page["exit_code"]) == ("ended", 1)
@@ -168,7 +157,7 @@ def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, c
 
 def test_a_flight_goes_on_without_its_black_box_and_says_so(rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
-    os.kill(children(rig.service.process.pid)["flights"], signal.SIGKILL)
+    os.kill(rig.service.pid("flights"), signal.SIGKILL)
     told = "warning: the black box was killed by SIGKILL; no more of this flight is kept"
     assert wait_until(lambda: told in rig.service.errors(), 60.0)
     assert rig.state is GateState.SERVO

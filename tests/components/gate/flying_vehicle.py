@@ -10,12 +10,12 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_robustness.harness.environment import AHEAD_NS, take_off
 from dfvs_robustness.harness.records import mode_report
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
@@ -24,23 +24,8 @@ from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4, VehicleConfig
 from dfvs_sim.vehicle.record import VehicleRecord
 
-AHEAD_NS = 25_000_000_000
 PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
 INTRUDER_NS = 20_000_000
-
-
-def take_off(px4: Px4, start_ns: int, end_ns: int) -> None:
-    """Fly from the ground to a hover, as fast as it can be computed."""
-    t_ns = start_ns
-    asked = False
-    while t_ns < end_ns:
-        t_ns += STEP_NS
-        px4.step(t_ns)
-        if not asked and px4.status.ready and px4.arm(t_ns) is None:
-            asked = True
-            px4.request_mode(Mode.TAKEOFF, t_ns)
-    if px4.status.mode is not Mode.HOLD or px4.status.landed:
-        raise RuntimeError(f"not hovering: {px4.status}")
 
 
 class Intruder:
@@ -84,15 +69,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--record", type=Path, required=True)
-    parser.add_argument("--on-ground", action="store_true")
     args = parser.parse_args()
     record = VehicleRecord(args.record)
     begin_ns = time.monotonic_ns() - AHEAD_NS
-    journal: Callable[..., None] = record
     config = VehicleConfig(parameters=PARAMETERS)
-    px4 = Px4(config, begin_ns, np.random.default_rng(1), journal)
-    if not args.on_ground:
-        take_off(px4, begin_ns, begin_ns + AHEAD_NS)
+    px4 = Px4(config, begin_ns, np.random.default_rng(1), record)
+    take_off(px4, begin_ns)
     link = UdpLink(COMPANION, UdpPorts(0, args.port))
     os.set_blocking(sys.stdin.fileno(), False)
     print("ready", flush=True)

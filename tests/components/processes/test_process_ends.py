@@ -20,15 +20,14 @@ from started_commands import Command, Started, zenoh_words
 from textured_wall import texture
 
 from dfvs_core.messages.image import encode_png
+from dfvs_sim.demo.flight.ports import any_port
 
 ENDINGS = ("SIGTERM", "SIGINT", "SIGHUP", "SIGKILL", "parent")
 COUNT = int(os.environ.get("DFVS_ENDINGS", 2))
 
 
 def free_udp():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"udpin://127.0.0.1:{probe.getsockname()[1]}"
+    return f"udpin://127.0.0.1:{any_port(socket.SOCK_DGRAM)}"
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +66,6 @@ def beside(module, says="", *words):
     return lambda _, endpoint: Command((module, *words, *zenoh_words(endpoint)), says)
 
 
-def bench(_data, _endpoint):
-    words = ("lockstep", "--seeds", "1-100", "--workers", "2")
-    return Command(("dfvs_bench.cli", *words), runs="spawn_main")
-
-
 COMMANDS = {
     "service": lambda d, e: service(d, e, "--record", "recordings", runs="dfvs_service.flights"),
     "service --check": lambda d, e: service(d, e, "--check", "--check-timeout", "60"),
@@ -103,7 +97,9 @@ COMMANDS = {
         ("dfvs_service.replay.cli", str(d / "flight-000.mcap"), "--bundle", "dfvs-flow"),
         loads="onnxruntime",
     ),
-    "bench": bench,
+    "bench": lambda _, e: Command(
+        ("dfvs_bench.cli", "lockstep", "--seeds", "1-100", "--workers", "2"), runs="spawn_main"
+    ),
     "export": lambda _, e: Command(
         ("dfvs_export.cli", "bench", "dfvs-flow", "--runs", "9999"), runs="spawn_main"
     ),

@@ -20,6 +20,9 @@ ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 ROOMS = [path for path in PROJECT["tool"]["mypy"]["files"] if "dfvs" in path]
+AIRCRAFT = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+INHERITED = {"GateMachine"}
+"""Classes whose parameters are their base's."""
 FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
 PRESENT = [page for page in (*FRONT, *PAGES) if page.name != "CHANGELOG.md"]
@@ -39,6 +42,12 @@ def named(path):
     return str(path.relative_to(ROOT))
 
 
+def modules(folder):
+    """Syntax tree of every module in a folder, by its path."""
+    paths = (ROOT / folder).rglob("*.py")
+    return {named(path): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+
+
 @pytest.mark.parametrize("page", PRESENT, ids=named)
 def test_no_sentence_of_a_page_is_too_long(page):
     assert too_long(page.read_text(encoding="utf-8")) == []
@@ -46,9 +55,41 @@ def test_no_sentence_of_a_page_is_too_long(page):
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_sentence_of_a_module_s_docstring_is_too_long(room):
-    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in (ROOT / room).rglob("*.py")}
-    found = {named(p): too_long(ast.get_docstring(tree) or "") for p, tree in trees.items()}
+    found = {name: too_long(ast.get_docstring(t) or "") for name, t in modules(room).items()}
     assert {name: long for name, long in found.items() if long} == {}
+
+
+def described(docstring):
+    """Names in a section of numpydoc's that is headed Parameters."""
+    _, _, section = docstring.partition("Parameters\n----------\n")
+    section = re.split(r"\n\n\w+\n-{3,}", section)[0]
+    for line in section.splitlines():
+        if line and not line.startswith(" "):
+            yield from (name.strip("* ") for name in line.split(" :")[0].split(","))
+
+
+def parameters(node):
+    """Names of the parameters of a function, of a class' constructor, or of a dataclass' fields."""
+    if isinstance(node, ast.ClassDef):
+        functions = [each for each in node.body if isinstance(each, ast.FunctionDef)]
+        node = next((each for each in functions if each.name == "__init__"), node)
+    if isinstance(node, ast.ClassDef):
+        return {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
+    some = node.args
+    every = [*some.posonlyargs, *some.args, *some.kwonlyargs, some.vararg, some.kwarg]
+    return {each.arg for each in every if each is not None}
+
+
+@pytest.mark.parametrize("package", AIRCRAFT)
+def test_parameters_that_a_docstring_describes_exist(package):
+    wrong = []
+    for name, tree in modules(package).items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                names = set(described(ast.get_docstring(node) or ""))
+                if node.name not in INHERITED and (extra := names - parameters(node)):
+                    wrong.append(f"{name}: {node.name} describes {sorted(extra)}")
+    assert wrong == []
 
 
 def test_a_sentence_ends_with_its_item_cell_or_stop_and_not_in_code():

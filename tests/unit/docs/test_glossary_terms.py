@@ -2,7 +2,6 @@
 
 import ast
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,11 @@ FOLDERS = (
     *("sim", "export", "rooms", "bench", "robustness"),
 )
 """Folders whose names are checked."""
+MODULES = [
+    path.relative_to(ROOT).as_posix()
+    for folder in FOLDERS
+    for path in (ROOT / folder).rglob("*.py")
+]
 
 # Words that are never right in an identifier. Words that are also standard English, or names of
 # Python, NumPy, PX4 or Zenoh, are left out: turn, order, hold, watch, post, visit, only, take,
@@ -108,21 +112,10 @@ def replaced(name):
     return next((WORDS[part] for part in parts if part in WORDS), "")
 
 
-def modules():
-    listed = subprocess.run(
-        ["git", "ls-files", *(f"{folder}/*.py" for folder in FOLDERS)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return listed.stdout.split()
-
-
 def test_no_identifier_has_a_replaced_term():
     found = {
         f"{path}: {name} -> {standard}"
-        for path in modules()
+        for path in MODULES
         for name in (Path(path).stem, *identifiers((ROOT / path).read_text(encoding="utf-8")))
         if (standard := replaced(name)) and (path, name) not in KEPT
     }

@@ -14,8 +14,8 @@ from dfvs_robustness.faults.report import Report
 RATE = StateRate(60.0, 10.0, 120.0, 400.0, 1.0)
 
 
-def times(answer_ms=5.0, problem="", rate=RATE, count=200):
-    tries = [Try("SERVO", "hold", True, 5.0) for _ in range(count - 3)]
+def times(answer_ms=5.0, problem="", rate=RATE):
+    tries = [Try("SERVO", "hold", True, 5.0) for _ in range(197)]
     tries += [Try("HOLD", "abort", False, answer_ms, problem) for _ in range(3)]
     return AnswerTimes(tuple(tries), rate, 2, 2)
 

@@ -10,8 +10,13 @@ from dfvs_core.gate.commands.admission import CommandAdmission
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
-from dfvs_robustness.fuzz.commands.replay import REPLAY
-from dfvs_robustness.fuzz.commands.target import COMMANDS, CommandTally, replay_episode, run_episode
+from dfvs_robustness.fuzz.commands.target import (
+    COMMANDS,
+    REPLAY,
+    CommandTally,
+    replay_episode,
+    run_episode,
+)
 
 
 def run(*words):

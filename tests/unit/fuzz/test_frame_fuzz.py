@@ -12,7 +12,6 @@ from dfvs_core.perception import frame_validator
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.commands.fuzz_frames import figures
 from dfvs_robustness.fuzz.frames.decoding import (
-    FrameJob,
     FrameOutcome,
     corpus_of,
     feed,
@@ -46,30 +45,25 @@ def test_without_a_good_frame_nothing_is_compared_and_the_run_fails(tmp_path, ca
     assert (report["good_p99_ms"], report["slowest_over_good"]) == (None, None)
 
 
-@pytest.fixture
-def outcome():
-    return lambda: figures(feed(FrameJob(0, 0, 250)), 0)
+def trusting(payload, header):
+    shape = (header.height, header.width, 3)
+    return wire_frame.Frame(np.frombuffer(payload, np.uint8).reshape(shape), 0, 0)
 
 
-def test_an_exception_that_escapes_is_a_flaw(monkeypatch, outcome):
-    def trusting(payload, header):
-        shape = (header.height, header.width, 3)
-        return wire_frame.Frame(np.frombuffer(payload, np.uint8).reshape(shape), 0, 0)
-
-    monkeypatch.setattr(frame_validator, "decode_frame", trusting)
-    report = outcome()
+@pytest.mark.parametrize(
+    ("name", "broken", "flaw"),
+    [
+        ("decode_frame", trusting, "escape"),
+        ("check_header", lambda state, *rest: (None, state), "image of shape"),
+        ("MAX_AGE_NS", 0, "good frame was refused"),
+    ],
+    ids=["an exception escapes", "the wrong size is taken", "a good frame is refused"],
+)
+def test_a_flaw_of_a_broken_decoder_is_found(name, broken, flaw, monkeypatch):
+    monkeypatch.setattr(frame_validator, name, broken)
+    report = figures(feed(0, range(250)), 0)
     assert report["verdict"] == "failed"
-    assert any("escape" in flaw["flaw"] for flaw in report["flaws"])
-
-
-def test_a_decoder_that_takes_the_wrong_size_is_a_flaw(monkeypatch, outcome):
-    monkeypatch.setattr(frame_validator, "check_header", lambda state, *rest: (None, state))
-    assert any("image of shape" in flaw["flaw"] for flaw in outcome()["flaws"])
-
-
-def test_a_refused_good_frame_is_a_flaw(monkeypatch, outcome):
-    monkeypatch.setattr(frame_validator, "MAX_AGE_NS", 0)
-    assert any("good frame was refused" in flaw["flaw"] for flaw in outcome()["flaws"])
+    assert any(flaw in found["flaw"] for found in report["flaws"])
 
 
 def test_memory_beyond_a_good_frames_fails(monkeypatch):
@@ -83,7 +77,7 @@ def test_memory_beyond_a_good_frames_fails(monkeypatch):
         return honest(payload, header)
 
     monkeypatch.setattr(frame_validator, "decode_frame", greedy)
-    report = figures(feed(FrameJob(0, 0, 60)), 0)
+    report = figures(feed(0, range(60)), 0)
     assert report["flaws"] == []
     assert report["max_peak_kib"] > 3500
     assert report["verdict"] == "failed"

@@ -24,10 +24,8 @@ from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.gate.episode import Episode
 from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
-from dfvs_robustness.fuzz.gate.replay import REPLAY
-from dfvs_robustness.fuzz.gate.target import GATE, GateTally, replay_episode, run_episode
-from dfvs_robustness.fuzz.run import Job, do
-from dfvs_robustness.fuzz.shrink import shrink_list
+from dfvs_robustness.fuzz.gate.target import GATE, REPLAY, GateTally, replay_episode, run_episode
+from dfvs_robustness.fuzz.run import run_job, shrink_list
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -236,7 +234,7 @@ def test_lists_are_shrunk_to_what_still_fails():
 def test_an_episode_is_the_same_in_every_process():
     one, two = GateTally(), GateTally()
     run_episode((3, 11), one)
-    two.add(do(Job(GATE, 3, 11, count=1)).tally)
+    two.add(run_job(GATE, 3, range(11, 12)).tally)
     assert one == two
 
 

@@ -12,8 +12,7 @@ from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.mission import Leg
 from dfvs_robustness.soak.plots import write_plots
 from dfvs_robustness.soak.sampling import Sample, Sampler, own_memory_mb, role_of
-from dfvs_robustness.soak.slope import robust_slope
-from dfvs_robustness.soak.verdict import judge, latency_figures
+from dfvs_robustness.soak.verdict import judge, latency_figures, robust_slope
 
 MS = 1_000_000
 T_H = np.linspace(0.0, 0.5, 900)

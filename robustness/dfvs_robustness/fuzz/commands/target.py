@@ -1,18 +1,18 @@
-"""Episodes of the command ingress: run, checked command by command, counted and shrunk."""
+"""Episodes of the command ingress: run, checked, counted, shrunk and kept in files."""
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from dfvs_robustness.fuzz.commands.ingress import CommandEpisode, Ingress, Passed, Sending
 from dfvs_robustness.fuzz.commands.invariants import CommandChecker
 from dfvs_robustness.fuzz.commands.sendings import Sender
-from dfvs_robustness.fuzz.finding import Finding, InvariantError
+from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
 from dfvs_robustness.fuzz.random_source import RandomSource
-from dfvs_robustness.fuzz.run import Tally, Target
-from dfvs_robustness.fuzz.shrink import shrink_list
+from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
 
 SENDINGS_PER_EPISODE = 2000
 
@@ -99,4 +99,27 @@ def _became(passed: Passed | None) -> str:
     return "answered again" if passed.answer.is_repeated else "rejected"
 
 
+def _dump(episode: CommandEpisode) -> dict[str, Any]:
+    """What JSON can hold of an episode; bytes are hexadecimal."""
+    sendings = [
+        [s.t_ns, s.command.hex(), None if s.goal is None else s.goal.hex(), s.kind]
+        for s in episode.sendings
+    ]
+    return {"born_ns": episode.born_ns, "sendings": sendings}
+
+
+def _episode(document: dict[str, Any]) -> CommandEpisode:
+    sendings = [
+        Sending(
+            int(t_ns),
+            bytes.fromhex(command),
+            None if goal is None else bytes.fromhex(goal),
+            str(kind),
+        )
+        for t_ns, command, goal, kind in document["sendings"]
+    ]
+    return CommandEpisode(int(document["born_ns"]), sendings)
+
+
 COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten)
+REPLAY = ReplayFormat("dfvs-command-replay/1", _dump, _episode)

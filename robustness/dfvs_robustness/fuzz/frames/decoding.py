@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import time
@@ -56,18 +57,9 @@ class KindTally:
         self.times_ms += other.times_ms[: _KEPT - len(self.times_ms)]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameJob:
-    """Frames of a seed: number ``first`` and those that follow."""
-
-    seed: int
-    first: int
-    count: int
-
-
 @dataclass(slots=True)
 class FrameOutcome:
-    """What a job came to; ``flaws`` are (number, kind, what is wrong)."""
+    """What some frames came to; ``flaws`` are (number, kind, what is wrong)."""
 
     kinds: defaultdict[str, KindTally] = field(default_factory=lambda: defaultdict(KindTally))
     flaws: list[tuple[int, str, str]] = field(default_factory=list)
@@ -108,22 +100,18 @@ def corpus_of(seed: int) -> Corpus:
 
 
 def _prepare_worker() -> None:
-    end_worker_with_parent()
-    quiet_decoder()
-
-
-def quiet_decoder() -> None:
     """Send what libjpeg and libpng print about each broken image to nowhere."""
+    end_worker_with_parent()
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     os.close(nowhere)
 
 
-def feed(job: FrameJob) -> FrameOutcome:
-    """Feed the frames of a job to the decoder, one after the other."""
-    outcome, corpus, state = FrameOutcome(), corpus_of(job.seed), GuardState()
-    for number in range(job.first, job.first + job.count):
-        frame = hostile_frame(corpus, job.seed, number)
+def feed(seed: int, numbers: range) -> FrameOutcome:
+    """Feed the frames of a seed with these numbers to the decoder, one after the other."""
+    outcome, corpus, state = FrameOutcome(), corpus_of(seed), GuardState()
+    for number in numbers:
+        frame = hostile_frame(corpus, seed, number)
         if number % 8:  # else the memory of the frame before stays, as it does in flight
             state = GuardState()
         resident_kib = reset_peak()
@@ -162,21 +150,21 @@ def feed_all(
     count: int, workers: int, seed: int, on_progress: Callable[[FrameOutcome], None]
 ) -> FrameOutcome:
     """Feed so many frames to decoders in processes of their own, which a broken one may end."""
-    total, first = FrameOutcome(), 0
+    jobs = [range(n, min(n + FRAMES_PER_JOB, count)) for n in range(0, count, FRAMES_PER_JOB)]
+    total, at_once = FrameOutcome(), 2 * workers
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, initializer=_prepare_worker) as pool:
-        while first < count and len(total.flaws) < MOST_FLAWS:
-            jobs: list[FrameJob] = []
-            while len(jobs) < 2 * workers and first < count:
-                jobs.append(FrameJob(seed, first, min(FRAMES_PER_JOB, count - first)))
-                first += FRAMES_PER_JOB
+        for k in range(0, len(jobs), at_once):
+            some = jobs[k : k + at_once]
             try:
-                for outcome in pool.map(feed, jobs):
+                for outcome in pool.map(functools.partial(feed, seed), some):
                     total.add(outcome)
             except BrokenProcessPool:
-                total.flaws.append((jobs[0].first, "one of these jobs", "ended the process"))
-                return total
+                total.flaws.append((some[0].start, "one of these jobs", "ended the process"))
+                break
             on_progress(total)
+            if len(total.flaws) >= MOST_FLAWS:
+                break
     return total
 
 

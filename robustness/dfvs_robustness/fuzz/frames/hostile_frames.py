@@ -51,6 +51,9 @@ def attachment_for(
 class Corpus:
     """Makes hostile frames out of a few good ones.
 
+    ``good`` are images of the camera's size, ``other`` those of another size, ``files`` those of
+    formats that are not spoken here.
+
     Parameters
     ----------
     rng : np.random.Generator
@@ -60,9 +63,9 @@ class Corpus:
     def __init__(self, rng: np.random.Generator) -> None:
         self.good = {f: _good_payload(_textured_image(rng, CAMERA.size), f) for f in PixelFormat}
         other = _textured_image(rng, OTHER_SIZE)
-        self._other = {f: _good_payload(other, f) for f in _COMPRESSED}
+        self.other = {f: _good_payload(other, f) for f in _COMPRESSED}
         image = _textured_image(rng, CAMERA.size)
-        self._files = [data for kind in _FILE_TYPES if (data := _encoded(kind, image))]
+        self.files = [data for kind in _FILE_TYPES if (data := _encoded(kind, image))]
         flags = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 7]
         self._progressive = bytes(cv2.imencode(".jpg", image, flags)[1])
 
@@ -78,14 +81,6 @@ class Corpus:
             return self._progressive, PixelFormat.JPEG
         chosen = rng.pick(_COMPRESSED)
         return self.good[chosen], chosen
-
-    def other(self, chosen: PixelFormat) -> bytes:
-        """Return a good image of another size than the camera's."""
-        return self._other[chosen]
-
-    def file(self, rng: RandomSource) -> bytes:
-        """Return an image of a format that is not spoken here."""
-        return rng.pick(self._files)
 
 
 Made = tuple[bytes, bytes]
@@ -176,7 +171,7 @@ def _noise(corpus: Corpus, rng: RandomSource) -> Made:
 def _another_format(corpus: Corpus, rng: RandomSource) -> Made:
     """What it says it is, it is not."""
     chosen = rng.pick(tuple(PixelFormat))
-    payload = corpus.file(rng) if rng.chance(0.5) else corpus.good[chosen]
+    payload = rng.pick(corpus.files) if rng.chance(0.5) else corpus.good[chosen]
     return payload, attachment_for(payload, rng.integer(0, 9))
 
 
@@ -184,7 +179,8 @@ def _another_size(corpus: Corpus, rng: RandomSource) -> Made:
     if rng.chance(0.5):  # the image is not what the header says
         chosen = rng.pick(_COMPRESSED)
         size = rng.pick((CAMERA.size, OTHER_SIZE))
-        return corpus.other(chosen), attachment_for(corpus.other(chosen), chosen, size)
+        payload = corpus.other[chosen]
+        return payload, attachment_for(payload, chosen, size)
     chosen = rng.pick(tuple(PixelFormat))
     size = (rng.pick((0, 1, 240, 320, 321, 65535)), rng.pick((0, 1, 239, 240, 320, 65535)))
     payload = corpus.good[chosen]

@@ -45,11 +45,6 @@ class Episode:
     born_ns: int
     steps: list[Step] = field(default_factory=list)
 
-    @property
-    def events(self) -> int:
-        """Number of events in it."""
-        return sum(len(events) for _, events in self.steps)
-
 
 _FLYING = tuple(e for e in Engage if e is not Engage.NEVER)
 

@@ -1,18 +1,21 @@
-"""Episodes of the gate: run, checked step by step, counted and shrunk."""
+"""Episodes of the gate: run, checked step by step, counted, shrunk and kept in files."""
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
-from dfvs_robustness.fuzz.finding import Finding, InvariantError
+from dfvs_core.gate.replay import EVENT_KINDS
+from dfvs_core.messages.schema import dump, rebuild, with_present_names
+from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
 from dfvs_robustness.fuzz.gate.episode import Episode, Step, begin_episode
 from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
-from dfvs_robustness.fuzz.run import Tally, Target
-from dfvs_robustness.fuzz.shrink import shrink_list
+from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
 
 STEPS_PER_EPISODE = 1500
 _TWIN_EVERY = 20
@@ -135,4 +138,28 @@ def _shifted(event: Event, shift_ns: int) -> Event:
     return replace(event, t_ns=event.t_ns + shift_ns)
 
 
+def _dump(episode: Episode) -> dict[str, Any]:
+    return {
+        "config": dump(episode.config),
+        "born_ns": episode.born_ns,
+        "steps": [[t_ns, [_dump_event(e) for e in events]] for t_ns, events in episode.steps],
+    }
+
+
+def _dump_event(event: Event) -> dict[str, Any]:
+    return {"event": type(event).__name__, **dump(event)}
+
+
+def _load_event(data: dict[str, Any]) -> Event:
+    event: Event = rebuild(EVENT_KINDS[data["event"]], data)
+    return event
+
+
+def _episode(document: dict[str, Any]) -> Episode:
+    steps = [(int(t_ns), tuple(map(_load_event, some))) for t_ns, some in document["steps"]]
+    config = rebuild(GateConfig, with_present_names(GateConfig, document["config"]))
+    return Episode(config, int(document["born_ns"]), steps)
+
+
 GATE = Target(GateTally, run_episode, replay_episode, shorten)
+REPLAY = ReplayFormat("dfvs-gate-replay/1", _dump, _episode)
