@@ -19,7 +19,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.options import require_folder, require_range
+from dfvs_sim.options import require_file, require_folder, require_range
 from dfvs_sim.scene.glb import load_glb
 
 _T = TypeVar("_T")
@@ -119,7 +119,7 @@ def check_pairs_options(args: argparse.Namespace) -> None:
         Naming the option.
     """
     require_range(args, 1, 64, "threads")
-    require_folder("--json", args.json)
+    require_file("--json", args.json)
 
 
 def check_outputs(args: argparse.Namespace, *more: str) -> None:
@@ -130,15 +130,11 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
     ConfigError
         Naming the option.
     """
-    for name in ("json", "csv", "runs", *more):
-        path = getattr(args, name)
-        require_folder(f"--{name}", path)
-        if path is None:
-            continue
-        if name == "runs" and path.exists() and not path.is_dir():
-            raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
-        if name != "runs" and path.is_dir():
-            raise ConfigError(f"--{name} {path} is a folder", "a file in it")
+    for name in ("json", "csv", *more):
+        require_file(f"--{name}", getattr(args, name))
+    require_folder("--runs", args.runs)
+    if args.runs is not None and args.runs.is_file():
+        raise ConfigError(f"--runs {args.runs} is a file", "a folder, or a new name")
 
 
 def tasks_from(args: argparse.Namespace) -> list[BenchTask]:

@@ -77,7 +77,7 @@ class ForwardedCommand:
 
 @dataclass(frozen=True, slots=True)
 class CommandAnswer:
-    """The gate's answer to the command with the id ``request`` (``wire.command.request_id``)."""
+    """The gate's answer to a command; ``request`` is the command's ``request_id``."""
 
     request: str
     result: str

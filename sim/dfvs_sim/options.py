@@ -115,7 +115,7 @@ def parse_wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
 
 
 def require_folder(option: str, path: Path | None) -> None:
-    """Refuse a file that an option names in a folder that does not exist; None is no file.
+    """Refuse what an option names in a folder that does not exist; None is nothing.
 
     Raises
     ------
@@ -124,6 +124,19 @@ def require_folder(option: str, path: Path | None) -> None:
     """
     if path is not None and not path.absolute().parent.is_dir():
         raise ConfigError(f"{option} {path} lies in no folder", "an existing folder")
+
+
+def require_file(option: str, path: Path | None) -> None:
+    """Refuse a file to write that lies in no folder, or is one; None is no file.
+
+    Raises
+    ------
+    ConfigError
+        If it does or is.
+    """
+    require_folder(option, path)
+    if path is not None and path.is_dir():
+        raise ConfigError(f"{option} {path} is a folder", "a file in it")
 
 
 def write_json(path: Path, document: Any) -> None:

@@ -8,7 +8,7 @@ from dfvs_bench.methods.registry import chosen_methods
 from dfvs_bench.report.figures import controller_figure, figure_format
 from dfvs_bench.trials.results import read_records
 from dfvs_core.errors import ConfigError
-from dfvs_sim.options import require_folder
+from dfvs_sim.options import require_file
 
 _EPILOG = """example:
   dfvs-bench controller --runs bench-runs --scene hall --out controller.png
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         If there are no such trials, or the output cannot be written.
     """
     file_format = figure_format("--out", args.out)
-    require_folder("--out", args.out)
+    require_file("--out", args.out)
     records = [r for r in read_records(args.runs) if (r.task, r.perturbation) == (args.scene, "")]
     if args.methods:
         names = chosen_methods(args.methods.split(","))

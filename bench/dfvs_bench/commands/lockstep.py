@@ -20,7 +20,7 @@ from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.options import add_scene_option, require_folder, write_json
+from dfvs_sim.options import add_scene_option, require_file, write_json
 from dfvs_sim.scene import builtin_room_path
 
 _LIMITS = VelocityLimits()
@@ -100,8 +100,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Refuse files that could not be written after the flights."""
-    require_folder("--json", args.json)
-    require_folder("--plot", args.plot)
+    require_file("--json", args.json)
+    require_file("--plot", args.plot)
     if args.plot is not None:
         figure_format("--plot", args.plot)
 

@@ -26,7 +26,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.options import camera_from, require_folder, require_range, write_json
+from dfvs_sim.options import camera_from, require_file, require_range, write_json
 from dfvs_sim.scene.glb import load_glb
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)
@@ -136,7 +136,7 @@ def _check(args: argparse.Namespace) -> None:
     require_range(args, 1, 64, "threads")
     require_range(args, 64, 1920, "working_width")
     require_range(args, 0, None, "seed")
-    require_folder("--json", args.json)
+    require_file("--json", args.json)
 
 
 def _draw(

@@ -9,7 +9,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_sim.options import add_scene_option, require_range, write_json
+from dfvs_sim.options import add_scene_option, require_file, require_range, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
         If the scene or an option cannot be used.
     """
     require_range(args, 2, 100_000, "frames")
+    require_file("--json", args.json)
     path = args.scene or builtin_room_path()
     renderer = Renderer(load_glb(path))
     poses = _poses(renderer, args.frames, np.random.default_rng(args.seed))

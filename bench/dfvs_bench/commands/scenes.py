@@ -14,7 +14,7 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
-from dfvs_sim.options import require_folder
+from dfvs_sim.options import require_file
 
 _EPILOG = """examples:
   dfvs-bench scenes --sheet scenes.png
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an output cannot be written or no task fits into a room.
     """
-    require_folder("--sheet", args.sheet)
+    require_file("--sheet", args.sheet)
     if args.sheet is not None and args.sheet.suffix.lower() != ".png":
         raise ConfigError(f"--sheet is {str(args.sheet)!r}", "a name that ends in .png")
     tasks = _tasks(args)

@@ -12,7 +12,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
 from dfvs_robustness.harness.load import take_precedence
-from dfvs_sim.options import require_folder, require_range, write_json
+from dfvs_sim.options import require_file, require_range, write_json
 
 _EPILOG = """examples:
   dfvs-robustness answers                                  10 tries in every state
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     """Measure; 0 if all limits were kept."""
     per_state = -(-args.tries // len(GateState))
     require_range(args, 1, None, "tries", "seconds")
-    require_folder("--json", args.json)
+    require_file("--json", args.json)
     take_precedence()
     with tempfile.TemporaryDirectory(prefix="dfvs-answers-") as folder:
         times = run_answers(Path(folder), per_state, args.seconds, _show)

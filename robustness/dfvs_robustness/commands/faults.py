@@ -19,7 +19,7 @@ from dfvs_robustness.faults.matrix import (
     run_matrix,
 )
 from dfvs_robustness.faults.report import Report, make_rows
-from dfvs_sim.options import require_folder, require_range
+from dfvs_sim.options import require_file, require_folder, require_range
 
 _EPILOG = """examples:
   dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state
@@ -61,8 +61,9 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the cases; 0 if all were run and passed, and nothing was violated."""
     require_range(args, 1, None, "seeds", "workers")
-    for name in ("keep", "json", "html"):
-        require_folder(f"--{name}", getattr(args, name))
+    require_folder("--keep", args.keep)
+    for name in ("json", "html"):
+        require_file(f"--{name}", getattr(args, name))
     if args.list:
         for fault in all_faults().values():
             print(f"{fault.name:26s} {fault.what:44s} {' '.join(fault.states)}")

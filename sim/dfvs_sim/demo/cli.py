@@ -17,7 +17,7 @@ from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, i
 from dfvs_sim.demo.options import VEHICLE_NAME
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.runs import fly_fleet, fly_seeds
-from dfvs_sim.options import add_camera_options, add_scene_option, require_folder, require_range
+from dfvs_sim.options import add_camera_options, add_scene_option, require_file, require_range
 
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room
@@ -119,7 +119,7 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
-    require_folder("--json", args.json)
+    require_file("--json", args.json)
     for name in ("estimate", "wind"):
         if args.autopilot is not None and getattr(args, name) is not None:
             raise ConfigError(f"--{name} beside --autopilot", "only one of them")

@@ -1,6 +1,7 @@
 """Runs of flights by the command line: seed after seed, or several vehicles at a time."""
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
@@ -103,7 +104,8 @@ def _fly_one(
 ) -> FlightSummary:
     distance_m, angle_rad = plan.initial_error
     progress.log(
-        f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
+        f"seed {plan.seed}: {distance_m:.2f} m and {math.degrees(angle_rad):.1f} degrees "
+        "from the goal"
     )
     report = None if args.no_report else FlightReport(folder, tuple(args.service.split()))
     options = FlightOptions(

@@ -188,7 +188,9 @@ def _triangles(document: Document, primitive: dict[str, Any], count: int) -> Int
     else:
         indices = np.arange(count)
     if len(indices) and (indices.min() < 0 or indices.max() >= count):
-        raise GlbError(f"a vertex index is {indices.max()}", f"below {count}")
+        raise GlbError(
+            f"vertex indices are {indices.min()} to {indices.max()}", f"0 to {count - 1}"
+        )
     mode = primitive.get("mode", _TRIANGLES)
     if mode == _TRIANGLES:
         triangles = indices[: len(indices) // 3 * 3].reshape(-1, 3)

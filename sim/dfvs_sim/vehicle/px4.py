@@ -54,7 +54,7 @@ class Px4:
         self.config = config
         self.journal = journal
         self.rng = rng
-        self.parameters = ParameterTable(config.parameters)
+        self.parameters = ParameterTable({"MAV_SYS_ID": config.system_id, **config.parameters})
         self.status = Status(boot_ns=now_ns, home_m=(0.0, 0.0, config.ground_m))
         self.flight = Flight(config, self.parameters, self.status, rng)
         self.telemetry = Telemetry(self.status, self.flight)

@@ -40,6 +40,13 @@ def test_px4s_defaults_for_offboard_loss() -> None:
     assert (as_int(action.param_value), action.param_type) == (0, INT32)
 
 
+def test_the_vehicle_s_own_number_is_a_parameter() -> None:
+    vehicle = VehicleInHand(system_id=3)
+    request = mavlink.MAVLink_param_request_read_message(3, 1, b"MAV_SYS_ID", -1)
+    (number,) = vehicle.send(decoded(request))
+    assert as_int(number.param_value) == 3
+
+
 @pytest.mark.parametrize("value", [5, 0, -1, 123456, -(2**31)])
 def test_an_integer_travels_as_its_bytes(value: int) -> None:
     vehicle = VehicleInHand()
