@@ -1,10 +1,7 @@
 """dfvs-flow with its weights, as something that bundles are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,7 +17,7 @@ from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace
 from dfvs_export.networks.lighterglue import LighterGlue
 from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.weights.flow import Weights, load_weights
+from dfvs_export.weights.flow import Weights
 from dfvs_models.bundle import Bundle
 from dfvs_models.evaluation import LevelScore
 
@@ -82,20 +79,9 @@ class MatchGraph(nn.Module):
 
 @dataclass(frozen=True, slots=True)
 class OwnFlow:
-    """dfvs-flow with trained weights; a ``MatchingNetwork``."""
+    """dfvs-flow with trained weights."""
 
     weights: Weights
-
-    @classmethod
-    def load(cls, path: Path | None) -> OwnFlow:
-        """Read a checkpoint or the published wheel, or where none is named the shipped weights.
-
-        Raises
-        ------
-        ModelError
-            If it cannot be used.
-        """
-        return cls(load_weights(path))
 
     @property
     def origin(self) -> str:
@@ -113,7 +99,7 @@ class OwnFlow:
         return make_bundle("encode-match", graphs, images, Source(NAME, self.origin, "Apache-2.0"))
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
-        """How far partners from ONNX Runtime are from torch's, or the keypoints if others."""
+        """How far partners from ONNX Runtime are from torch's, px, or the keypoints if others."""
         taken = runner.bundle.manifest.input
         encoder, matcher = self.weights.networks((taken.width, taken.height), KEYPOINTS)
         with torch.no_grad():

@@ -45,7 +45,7 @@ class PairGraph(nn.Module):
 
 @dataclass(frozen=True, slots=True)
 class PublishedFlow:
-    """A network of ptlflow; a ``MatchingNetwork``."""
+    """A network of ptlflow."""
 
     name: str
     graph: PairGraph
@@ -83,7 +83,7 @@ class PublishedFlow:
         return make_bundle("pair", graphs, images, source, flow=FlowOutput())
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
-        """How far the flow of ONNX Runtime is from torch's, at every pixel."""
+        """How far the flow of ONNX Runtime is from torch's, px, at every pixel."""
         sides = [runner.encode(image) for image in pair]
         (flow,) = runner.match(*sides)
         with torch.no_grad():

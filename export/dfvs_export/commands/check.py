@@ -7,14 +7,15 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
 from dfvs_export.bundles.depth import MODELS
-from dfvs_export.bundles.network import TorchNetwork
 from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.pose import PoseModel
 from dfvs_export.checks.accuracy import MOST_ERROR_RATIO, accuracy, accuracy_figures, error_ratios
 from dfvs_export.checks.operators import operators
+from dfvs_export.checks.parity import TorchNetwork
 from dfvs_export.commands.comparison import compare_with_torch
 from dfvs_export.commands.depth import named_depth_model
 from dfvs_export.commands.flow import named_matching_network
+from dfvs_export.weights.flow import load_weights
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import bundle_folder, network_matcher
 from dfvs_models.depth import DepthNetwork
@@ -82,7 +83,7 @@ def _named_network(arguments: argparse.Namespace, bundle: Bundle) -> TorchNetwor
             return PoseModel.load(arguments.checkpoint)
         return "name the weights (--checkpoint)"
     is_named = arguments.checkpoint is not None or arguments.model != NAME
-    if is_named or bundle.manifest.origin == OwnFlow.load(None).origin:
+    if is_named or bundle.manifest.origin == OwnFlow(load_weights(None)).origin:
         return named_matching_network(arguments)
     return "weights that were not named (--checkpoint, --model)"
 

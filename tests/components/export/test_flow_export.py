@@ -79,14 +79,14 @@ def run(runner: BundleRunner, first: np.ndarray, second: np.ndarray) -> list[np.
 def test_torch_and_onnx_runtime_agree(bundle: Path, checkpoint: Path) -> None:
     runner = BundleRunner(read_bundle(bundle))
     pairs = drawn_pairs(SIZE, 3, 11)
-    assert parity(OwnFlow.load(checkpoint), runner, pairs).holds
+    assert parity(OwnFlow(load_weights(checkpoint)), runner, pairs).holds
     for first, second in pairs:  # nothing found would agree too
         assert np.sum(run(runner, first, second)[2] > CONFIDENT) > 50
 
 
 def test_torch_and_onnx_runtime_agree_where_keypoints_are_missing() -> None:
     """On so small an image there are fewer peaks than places for keypoints."""
-    network, (first, second) = OwnFlow.load(None), drawn_pairs((64, 64), 1, 12)[0]
+    network, (first, second) = OwnFlow(load_weights(None)), drawn_pairs((64, 64), 1, 12)[0]
     runner = BundleRunner(network.bundle((64, 64)))
     scores = runner.encode(first)[2][0]
     assert 0 < np.count_nonzero(scores) < len(scores)
