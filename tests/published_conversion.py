@@ -41,7 +41,7 @@ def _torchvision_fits() -> bool:
 
 
 def convert(name: str, folder: Path) -> dict[str, object]:
-    from dfvs_export.bundles.folder import described, write_bundle
+    from dfvs_export.bundles.bundle import write_bundle
     from dfvs_export.bundles.published_flow import PublishedFlow
     from dfvs_export.bundles.runner import BundleRunner
     from dfvs_export.checks.parity import parity
@@ -50,7 +50,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
 
     network = PublishedFlow.load(name, ForeignWeights())
     bundle = network.bundle(SIZE)
-    write_bundle(folder / name, described(bundle, network.card(bundle.manifest, {}, ""), {}))
+    write_bundle(folder / name, bundle, network.card(bundle.manifest, {}, ""), {})
     rng = np.random.default_rng(0)
     first, second = (rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8) for _ in "ab")
     agreement = parity(network, BundleRunner(bundle, threads=1), [(first, second)])

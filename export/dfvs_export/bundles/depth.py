@@ -14,8 +14,8 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import depth_accuracy, model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
 from dfvs_export.networks.depth_anything import DepthAnything

@@ -12,8 +12,8 @@ from torch import Tensor, nn
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import flow_accuracy, model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
 from dfvs_export.weights.published import ForeignWeights, load_foreign

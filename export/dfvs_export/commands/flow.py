@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_export.bundles.folder import check_free, described, write_bundle
+from dfvs_export.bundles.bundle import check_free, write_bundle
 from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.published_flow import PREFIX, PublishedFlow
 from dfvs_export.checks.accuracy import accuracy, accuracy_figures
@@ -46,7 +46,7 @@ def run_flow(arguments: argparse.Namespace) -> int:
         log(f"measuring accuracy on {arguments.pairs}")
         scores = accuracy(network_matcher(bundle, Execution()), pairs)
     card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
-    write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))
+    write_bundle(arguments.out, bundle, card, accuracy_figures(scores))
     if arguments.model != NAME and arguments.weights is None and arguments.checkpoint is None:
         print("warning: these weights are random; name --weights to use the network")
     print(f"wrote {arguments.out}")

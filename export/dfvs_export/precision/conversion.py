@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from dfvs_export.bundles.manifest import hashes
+from dfvs_export.bundles.bundle import hashes
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.precision.calibration import graph_feeds
 from dfvs_export.precision.half import to_half

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from dfvs_core.geometry.camera import CameraModel
+from dfvs_export.bundles.bundle import CARD_NAME
 from dfvs_export.bundles.depth import DepthModel, Spreads
-from dfvs_export.bundles.folder import CARD_NAME
 from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch

@@ -14,7 +14,7 @@ safetensors = pytest.importorskip("safetensors.torch")
 
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
 from dfvs_core.messages.manifest import sha256  # noqa: E402
-from dfvs_export.bundles.folder import write_bundle  # noqa: E402
+from dfvs_export.bundles.bundle import write_bundle  # noqa: E402
 from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
 from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
 from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
@@ -114,7 +114,7 @@ def test_a_network_of_two_images_agrees_with_torch_and_runs_in_the_service(
     first, second = drawn_pairs(SIZE, 1, 1)[0]
     found = parity(published, BundleRunner(bundle), [(first, second)])
     assert found.holds
-    write_bundle(tmp_path / "pair", bundle)
+    write_bundle(tmp_path / "pair", bundle, "", {})
     matcher = load_matcher(str(tmp_path / "pair"), threads=1)
     field = matcher.match(matcher.encode(first), matcher.encode(second))
     assert field.flow.shape == (64, 96, 2)
