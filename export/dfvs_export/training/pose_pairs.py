@@ -2,7 +2,7 @@
 
 import functools
 import math
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -44,14 +44,6 @@ class PosePair(NamedTuple):
     focal: float
     T_first_second: FloatArray
     flow: Float32Array
-
-
-class PosePairReader(Protocol):
-    """Draws pairs."""
-
-    def draw(self) -> PosePair:
-        """Draw the next pair."""
-        ...
 
 
 class _Seen(NamedTuple):

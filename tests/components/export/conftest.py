@@ -22,6 +22,21 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
+def trained(folder, capsys):
+    """Run a training of one step on those pairs; what it prints. Gives torch its threads back."""
+    torch = pytest.importorskip("torch")
+    threads = torch.get_num_threads()
+
+    def trained(*words):
+        more = ("--pairs", folder, "--minutes", "0.001", "--threads", "1")
+        assert main([*map(str, (*words, *more))]) == 0
+        return capsys.readouterr().out
+
+    yield trained
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
 def told(capsys):
     """What a command tells as JSON, where its exit code is ``code``."""
 
@@ -45,12 +60,3 @@ def refused_at_last(capsys):
         return error
 
     return refused_at_last
-
-
-@pytest.fixture
-def _same_threads():
-    """Give torch its threads back after a training."""
-    torch = pytest.importorskip("torch")
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)

@@ -91,20 +91,18 @@ def test_light_and_occlusion_change_what_they_should():
     assert max(f.max() for f in factors) > 1.2
 
 
-@pytest.mark.usefixtures("_same_threads")
 @pytest.mark.parametrize("name", NETWORKS)
-def test_a_short_training_goes_on_from_a_checkpoint(folder, checkpoints, tmp_path, name, capsys):
+def test_a_short_training_goes_on_from_a_checkpoint(trained, checkpoints, tmp_path, name):
     out = tmp_path / "trained.pt"
-    words = ["--network", name, "--pairs", str(folder), "--out", str(out), "--minutes", "0.001"]
-    more = ("--threads", "1", "--from", str(checkpoints[name]))
-    assert main(["train-pose", *words, *more]) == 0
+    words = ("--network", name, "--from", checkpoints[name], "--out", out)
+    told = trained("train-pose", *words)
     before, after = (load_pose_weights(path) for path in (checkpoints[name], out))
     changed = {k for k, v in before.state.items() if not torch.equal(v, after.state[k])}
     assert any(key.startswith("head") for key in changed)
     assert not any(key.startswith(("encoder._conv_stem", "encoder._blocks.0")) for key in changed)
     assert not any(key.startswith("encoder") and "running" in key for key in changed)
     assert after.training.startswith("None. Then: 16 pairs of views")
-    assert "16 pairs: off by" in capsys.readouterr().out
+    assert "16 pairs: off by" in told
     with pytest.raises(ConfigError, match=f"holds weights of {name}"):
         starting_weights(next(other for other in NETWORKS if other != name), out)
 
