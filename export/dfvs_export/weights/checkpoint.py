@@ -5,7 +5,7 @@ import io
 import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -22,12 +22,14 @@ _TYPES = (torch.float32, torch.int64)
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Fields that a training writes; those that hold states of networks are ``states``."""
+    """Fields that a training writes; those named in ``STATES`` hold states of networks."""
+
+    STATES: ClassVar[tuple[str, ...]] = ("state",)
 
     @property
     def states(self) -> tuple[State, ...]:
         """States of all networks."""
-        raise NotImplementedError
+        return tuple(getattr(self, name) for name in self.STATES)
 
     @property
     def digest(self) -> str:

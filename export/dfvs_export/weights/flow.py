@@ -33,6 +33,8 @@ class Weights(Checkpoint):
     origin: str
     training: str
 
+    STATES = ("encoder", "matcher")
+
     def networks(self, size: tuple[int, int], count: int) -> tuple[XFeat, LighterGlue]:
         """Encoder and matcher for images of ``size`` (width, height) with ``count`` keypoints.
 
@@ -45,11 +47,6 @@ class Weights(Checkpoint):
         for network, state in ((encoder, self.encoder), (matcher, self.matcher)):
             fill(network, state, "the weights do not fit the network", "weights of dfvs-flow")
         return encoder.eval(), matcher.eval()
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """States of all networks."""
-        return self.encoder, self.matcher
 
 
 def load_weights(path: Path | None) -> Weights:
