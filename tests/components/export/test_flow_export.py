@@ -22,9 +22,9 @@ from dfvs_core.errors import ModelError  # noqa: E402
 from dfvs_core.messages.manifest import sha256  # noqa: E402
 from dfvs_export.bundles.own_flow import OwnFlow  # noqa: E402
 from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
-from dfvs_export.checks.operators import operators  # noqa: E402
 from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
+from dfvs_export.commands.check import operators  # noqa: E402
 from dfvs_export.weights.flow import Weights, load_weights  # noqa: E402
 from dfvs_models.bundle import read_bundle  # noqa: E402
 from dfvs_models.catalog import bundle_folder  # noqa: E402
