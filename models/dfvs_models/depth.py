@@ -22,7 +22,7 @@ from dfvs_models.onnx_session import (
 from dfvs_models.pair import image_tensor
 
 _ROLE = "mono"
-_FOCAL_SHAPE = (1, 1)
+FOCAL_SHAPE = (1, 1)
 _TRIAL_FOV_RAD = 1.3
 
 
@@ -57,6 +57,13 @@ def fit_image(image: ImageArray, camera: CameraModel, spec: ImageInput) -> Fitte
     whole = cv2.copyMakeBorder(resized, y, bottom, x, right, cv2.BORDER_REPLICATE)
     focal = camera.fx * size[0] / width / spec.width
     return FittedImage(cast(ImageArray, whole), (x, y), size, focal)
+
+
+def trial_view(spec: ImageInput) -> FittedImage:
+    """Image that a network is tried out on."""
+    image = np.repeat(trial_image(spec.width, spec.height)[..., None], 3, axis=2)
+    camera = CameraModel.from_horizontal_fov(spec.width, spec.height, _TRIAL_FOV_RAD)
+    return fit_image(image, camera, spec)
 
 
 class DepthNetwork:
@@ -100,7 +107,7 @@ class DepthNetwork:
                 f"uint8 of {(camera.height, camera.width, 3)}",
             )
         fitted = fit_image(image, camera, self._input)
-        raw = self.run(image_tensor(fitted.image, self._input), fitted.focal)
+        raw = self._run(fitted)
         depth = self._in_image(raw[0][0], fitted, image.shape[:2])
         if self._meaning.quantity == "depth":
             rho = np.divide(np.float32(1.0), depth, out=np.zeros_like(depth), where=depth > 0)
@@ -112,10 +119,11 @@ class DepthNetwork:
             spread = np.full_like(rho, self._meaning.spread)
         return NetworkDepth(rho, spread, self._meaning.unit, self._meaning.scale_spread)
 
-    def run(self, image: Float32Array, focal: float) -> list[Float32Array]:
-        """Outputs of the graph, for an image (1, C, h, w) and its focal length over its width."""
-        tensors = [image, np.full(_FOCAL_SHAPE, focal, np.float32)][: len(self._roles.inputs)]
-        return self._graph.run(tensors, self._roles.outputs)
+    def _run(self, fitted: FittedImage) -> list[Float32Array]:
+        """Outputs of the graph."""
+        image = image_tensor(fitted.image, self._input)
+        tensors = [image, np.full(FOCAL_SHAPE, fitted.focal, np.float32)]
+        return self._graph.run(tensors[: len(self._roles.inputs)], self._roles.outputs)
 
     def _in_image(
         self, values: Float32Array, fitted: FittedImage, size: tuple[int, ...]
@@ -132,10 +140,8 @@ class DepthNetwork:
 
     def _check_tensors(self) -> None:
         said = self._roles
-        shapes: list[tuple[int, ...]] = [
-            (1, self._input.channel_count, self._input.height, self._input.width)
-        ]
-        shapes = [*shapes, _FOCAL_SHAPE][: len(said.inputs)]
+        image = (1, self._input.channel_count, self._input.height, self._input.width)
+        shapes = (image, FOCAL_SHAPE)[: len(said.inputs)]
         wanted = [(n, "tensor(float)", s) for n, s in zip(said.inputs, shapes, strict=True)]
         found = [(spec.name, spec.element, spec.shape) for spec in self._graph.inputs]
         if found != wanted:
@@ -144,11 +150,8 @@ class DepthNetwork:
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        width, height = self._input.width, self._input.height
-        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
-        camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
-        expected = (1, height // self._meaning.stride, width // self._meaning.stride)
-        fitted = fit_image(image, camera, self._input)
-        outputs = self.run(image_tensor(fitted.image, self._input), fitted.focal)
+        stride = self._meaning.stride
+        expected = (1, self._input.height // stride, self._input.width // stride)
+        outputs = self._run(trial_view(self._input))
         for name, raw in zip(self._roles.outputs, outputs, strict=True):
             check_output(f"output {name!r} of {self._roles.file!r}", raw, expected, "finite depth")

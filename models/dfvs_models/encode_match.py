@@ -15,7 +15,13 @@ from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, Image
 from dfvs_core.matching.points import Exclusion, PointMatches
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
+from dfvs_models.onnx_session import (
+    Execution,
+    OnnxGraph,
+    require_inputs,
+    require_outputs,
+    trial_image,
+)
 
 _ENCODE, _MATCH = "encode", "match"
 FREE_AXES = (0, 1)
@@ -196,13 +202,8 @@ class EncodeMatchPoints:
     def _check_tensors(self) -> None:
         """Check names, and that images and keypoints have the shapes that they have to have."""
         for role, graph in ((_ENCODE, self._encode), (_MATCH, self._match)):
-            names = [spec.name for spec in graph.inputs]
-            said = self._roles[role]
-            if names != list(said.inputs):
-                raise ModelError(f"{said.file!r} has the inputs {names}", f"{list(said.inputs)}")
-            missing = set(said.outputs) - set(graph.output_names)
-            if missing:
-                raise ModelError(f"{said.file!r} lacks the outputs {sorted(missing)}")
+            require_inputs(graph, self._roles[role])
+            require_outputs(graph, self._roles[role])
         for role, outputs in ((_ENCODE, 3), (_MATCH, 2)):
             if len(self._roles[role].outputs) != outputs:
                 raise ModelError(

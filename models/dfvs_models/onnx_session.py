@@ -158,6 +158,19 @@ def trial_image(width: int, height: int) -> ImageArray:
     return (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.uint8)
 
 
+def require_inputs(graph: OnnxGraph, said: Graph) -> None:
+    """Refuse a graph whose inputs have not the names that its manifest says.
+
+    Raises
+    ------
+    ModelError
+        Naming the inputs.
+    """
+    names = [spec.name for spec in graph.inputs]
+    if names != list(said.inputs):
+        raise ModelError(f"{said.file!r} has the inputs {names}", f"{list(said.inputs)}")
+
+
 def require_outputs(graph: OnnxGraph, said: Graph) -> None:
     """Refuse a graph that lacks an output that its manifest names.
 

@@ -21,7 +21,7 @@ from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
 from dfvs_core.messages.manifest import Graph
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
+from dfvs_models.onnx_session import Execution, OnnxGraph, require_inputs, trial_image
 
 _ROLE = "pair"
 
@@ -170,14 +170,11 @@ def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]
     ModelError
         Naming the input.
     """
-    actual = {found.name: found for found in graph.inputs}
-    if list(actual) != list(said.inputs):
-        raise ModelError(f"{said.file!r} has the inputs {list(actual)}", f"{list(said.inputs)}")
-    for name, shape in zip(said.inputs, shapes, strict=True):
-        found = actual[name]
+    require_inputs(graph, said)
+    for found, shape in zip(graph.inputs, shapes, strict=True):
         if found.shape != shape or found.element != "tensor(float)":
             raise ModelError(
-                f"input {name!r} of {said.file!r} is {found.element} of {found.shape}",
+                f"input {found.name!r} of {said.file!r} is {found.element} of {found.shape}",
                 f"tensor(float) of {shape}",
             )
 

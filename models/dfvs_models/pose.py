@@ -1,7 +1,5 @@
 """Pose network of a ``pose`` bundle."""
 
-from typing import Protocol
-
 import numpy as np
 
 from dfvs_core.errors import ModelError
@@ -9,40 +7,15 @@ from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_quaternion, so3_exp
 from dfvs_models.bundle import Bundle
-from dfvs_models.depth import FittedImage, fit_image
-from dfvs_models.onnx_session import (
-    Execution,
-    OnnxGraph,
-    check_output,
-    require_outputs,
-    trial_image,
-)
+from dfvs_models.depth import FOCAL_SHAPE, FittedImage, fit_image, trial_view
+from dfvs_models.onnx_session import Execution, OnnxGraph, check_output, require_outputs
 from dfvs_models.pair import check_inputs, image_tensor, pair_tensors
 
 _ROLE = "pose"
-_FOCAL_SHAPE = (1, 1)
-_TRIAL_FOV_RAD = 1.3
-
-
-class PoseRegressor(Protocol):
-    """Gives the pose between two images of one camera."""
-
-    @property
-    def unit(self) -> str:
-        """Of the translation: ``"m"``, or ``"depth"``: depths at the second image's middle."""
-        ...
-
-    def fit(self, image: ImageArray, camera: CameraModel) -> FittedImage:
-        """Image for :meth:`relative_pose`, of one (H, W, 3) uint8 RGB of a camera."""
-        ...
-
-    def relative_pose(self, first: FittedImage, second: FittedImage) -> FloatArray:
-        """``T_first_second`` (4, 4)."""
-        ...
 
 
 class PoseNetwork:
-    """Runs a ``pose`` bundle; a ``PoseRegressor``. Distortion is not taken out of images.
+    """Runs a ``pose`` bundle. Distortion is not taken out of images.
 
     Raises
     ------
@@ -60,7 +33,7 @@ class PoseNetwork:
         self._input, self._meaning = manifest.input, manifest.pose
         self._said = manifest.graphs[_ROLE]
         self._graph = OnnxGraph(bundle.graph(_ROLE), self._said.file, execution)
-        check_inputs(self._graph, self._said, (*self._input.pair_shapes(), _FOCAL_SHAPE))
+        check_inputs(self._graph, self._said, (*self._input.pair_shapes(), FOCAL_SHAPE))
         self._try_out()
 
     @property
@@ -81,7 +54,7 @@ class PoseNetwork:
             If the network gives values that are not finite, or no rotation.
         """
         images = [image_tensor(side.image, self._input) for side in (first, second)]
-        focal = np.full(_FOCAL_SHAPE, first.focal, np.float32)
+        focal = np.full(FOCAL_SHAPE, first.focal, np.float32)
         tensors = pair_tensors(images[0], images[1], self._input)
         raw = self._graph.run((*tensors, focal), self._said.outputs)
         for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
@@ -100,7 +73,5 @@ class PoseNetwork:
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
         require_outputs(self._graph, self._said)
-        width, height = self._input.width, self._input.height
-        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
-        camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
-        self.relative_pose(*(self.fit(image, camera) for _ in range(2)))
+        view = trial_view(self._input)
+        self.relative_pose(view, view)
