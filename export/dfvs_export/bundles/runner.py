@@ -1,7 +1,5 @@
 """Running a bundle's graphs once, to check, to calibrate and to time them."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
@@ -74,7 +72,7 @@ class BundleRunner:
 
     def feeds(
         self, first: list[Float32Array], second: list[Float32Array]
-    ) -> Mapping[str, Float32Array]:
+    ) -> dict[str, Float32Array]:
         """Name what goes into the last graph, from what ``encode`` gave of two images."""
         manifest = self.bundle.manifest
         if manifest.kind == "encode-match":

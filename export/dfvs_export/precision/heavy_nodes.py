@@ -106,10 +106,5 @@ def _last(graph: GraphProto, turning: set[str]) -> set[str]:
         if node.name in turning:
             found.add(node.name)
         else:
-            direct.update(_filled(node.input))
+            direct.update(name for name in node.input if name)  # one that is left out has none
     return found
-
-
-def _filled(names: Iterable[str]) -> set[str]:
-    """Names but for those of inputs that a node leaves out."""
-    return {name for name in names if name}

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import torch
 
 from dfvs_export.cli import main
 from dfvs_rooms.pairs.files import write_arrays
@@ -24,7 +25,6 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def trained(folder, capsys):
     """Run a training of one step on those pairs; what it prints. Gives torch its threads back."""
-    torch = pytest.importorskip("torch")
     threads = torch.get_num_threads()
 
     def trained(*words):

@@ -7,22 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import safetensors.torch
+import torch
 from canary import Canary
 
-torch = pytest.importorskip("torch")
-safetensors = pytest.importorskip("safetensors.torch")
-
-from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
-from dfvs_core.messages.manifest import sha256  # noqa: E402
-from dfvs_export.bundles.bundle import write_bundle  # noqa: E402
-from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
-from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
-from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
-from dfvs_export.cli import main  # noqa: E402
-from dfvs_export.commands import flow  # noqa: E402
-from dfvs_export.precision.conversion import in_precision  # noqa: E402
-from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
-from dfvs_models.catalog import load_matcher  # noqa: E402
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.messages.manifest import sha256
+from dfvs_export.bundles.bundle import write_bundle
+from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow
+from dfvs_export.bundles.runner import BundleRunner
+from dfvs_export.checks.parity import drawn_pairs, parity
+from dfvs_export.cli import main
+from dfvs_export.commands import flow
+from dfvs_export.precision.conversion import in_precision
+from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state
+from dfvs_models.catalog import load_matcher
 
 HAS_PTLFLOW = importlib.util.find_spec("ptlflow") is not None
 
@@ -156,7 +155,7 @@ def test_a_network_of_two_images_is_converted_to_fewer_bits(
 
 
 def test_safetensors_are_read() -> None:
-    data = safetensors.save({"w": torch.ones(2)})
+    data = safetensors.torch.save({"w": torch.ones(2)})
     assert torch.equal(read_state(data, "net.safetensors")["w"], torch.ones(2))
     with pytest.raises(ModelError, match="no plain checkpoint"):
         read_state(data[:-3], "net.safetensors")

@@ -3,9 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 
 from dfvs_core.errors import ConfigError

@@ -5,9 +5,6 @@ from operator import attrgetter
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 
 from dfvs_core.errors import ConfigError
