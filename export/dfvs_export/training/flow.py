@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.xfeat import Keypoints, XFeat
+from dfvs_export.networks.xfeat import Keypoints
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend
 from dfvs_export.training.room_pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
 from dfvs_export.weights.checkpoint import state_of
@@ -72,8 +72,8 @@ class _Run:
         self._kept: list[EncodedPair] = []
         self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)
         self._encoder.requires_grad_(False)
-        blocks = _last_blocks(self._encoder)[: settings.encoder_blocks]
-        for block in blocks:
+        e = self._encoder
+        for block in (e.block_fusion, e.block5, e.block4, e.block3)[: settings.encoder_blocks]:
             block.requires_grad_(True)
         self.rates = {self._matcher: 1.0, self._encoder: ENCODER_RATE}
         self._figures: list[tuple[float, int, int, int]] = []
@@ -141,8 +141,3 @@ class _Run:
         with torch.set_grad_enabled(self._settings.encoder_blocks > 0):
             found: Keypoints = self._encoder(torch.from_numpy(image)[None, None])
         return found
-
-
-def _last_blocks(encoder: XFeat) -> list[torch.nn.Module]:
-    """Blocks of the encoder from the last one backwards."""
-    return [encoder.block_fusion, encoder.block5, encoder.block4, encoder.block3]

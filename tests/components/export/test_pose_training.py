@@ -13,26 +13,22 @@ from dfvs_export.training import planar_pairs
 from dfvs_export.training.planar_pairs import PlanarPoseReader, cluster, light
 from dfvs_export.training.pose_pairs import RoomPoseReader, rays
 from dfvs_export.training.room_pairs import RoomFolder
-from dfvs_export.weights.pose import (
-    TrainedPose,
-    load_pose_weights,
-    starting_weights,
-)
+from dfvs_export.weights.pose import TrainedPose, load_pose_weights, starting_weights
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_pose
 
 READERS = pytest.mark.parametrize("reader", [RoomPoseReader, PlanarPoseReader])
 
 
-@pytest.fixture
-def checkpoints(tmp_path):
+@pytest.fixture(scope="module")
+def checkpoints(tmp_path_factory):
     """Drawn weights of both networks, the heads such that they give something."""
-    paths = {}
+    folder, paths = tmp_path_factory.mktemp("weights"), {}
     for name, make in NETWORKS.items():
         torch.manual_seed(1)
         network = make()
         torch.nn.init.normal_(network.head[-1].weight, std=0.1)
-        paths[name] = tmp_path / f"{name}.pt"
+        paths[name] = folder / f"{name}.pt"
         TrainedPose(name, network.state_dict(), "drawn weights", "None.").save(paths[name])
     return paths
 
