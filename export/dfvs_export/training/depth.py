@@ -9,7 +9,6 @@ from torch import Tensor
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
-from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
@@ -41,7 +40,7 @@ def train_depth(settings: DepthTrainSettings) -> None:
     network.encoder.eval()
     network.encoder.freeze(settings.frozen_blocks)
     rates = {network.encoder: ENCODER_RATE, network: 1.0}
-    reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
+    reader = DepthViewReader(settings.pairs, settings.seed)
     batches = drawn_ahead(lambda: _batch(reader))
     losses = list[float]()
 

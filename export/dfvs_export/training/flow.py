@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from dfvs_export.networks.xfeat import Keypoints
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend
-from dfvs_export.training.room_pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
+from dfvs_export.training.room_pairs import SIZE, PairReader, TrueMatches, true_matches
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.flow import Weights, load_weights
 
@@ -67,7 +67,7 @@ class _Run:
 
     def __init__(self, settings: FlowTrainSettings, start: Weights) -> None:
         self._settings, self._start = settings, start
-        self._reader = PairReader(RoomFolder(settings.pairs), settings.seed)
+        self._reader = PairReader(settings.pairs, settings.seed)
         self._rng = np.random.default_rng([settings.seed, 1])
         self._kept: list[EncodedPair] = []
         self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)

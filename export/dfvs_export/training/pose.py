@@ -15,7 +15,6 @@ from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, Siames
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
 from dfvs_export.training.planar_pairs import PlanarPoseReader
 from dfvs_export.training.pose_pairs import RoomPoseReader
-from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.pose import TrainedPose, starting_weights
 
@@ -63,7 +62,7 @@ def train_pose(settings: PoseTrainSettings) -> None:
     start = starting_weights(settings.network, settings.start)
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     make_reader, what = _READERS[settings.network]
-    reader = make_reader(RoomFolder(settings.pairs), settings.seed)
+    reader = make_reader(settings.pairs, settings.seed)
     batches = drawn_ahead(lambda: _batch(reader, network))
     errors = list[tuple[float, float, float]]()
 

@@ -65,8 +65,7 @@ class RoomPoseReader(RoomReader):
     def draw(self) -> PosePair:
         """Draw the next pair."""
         rng = self._rng
-        room = self._rooms.draw(rng)
-        k = int(rng.integers(len(room["T"])))
+        room, k = self._draw_pair()
         if rng.uniform() < _NEAR:
             seen, _ = self._seen(room, k, "ab"[rng.integers(2)])
             T = self._near_motion(seen)

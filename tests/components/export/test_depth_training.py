@@ -8,7 +8,6 @@ from dfvs_core.errors import ModelError
 from dfvs_export.networks.depth import DepthNet, Prediction
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader, normals_of
-from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
 FOCAL = 0.6
@@ -48,11 +47,11 @@ def test_a_step_in_depth_has_no_normal():
 
 
 def test_the_depth_of_most_of_a_view_is_known(folder):
-    assert (DepthViewReader(RoomFolder(folder), 1).draw().depth_m > 0).mean() > 0.5
+    assert (DepthViewReader(folder, 1).draw().depth_m > 0).mean() > 0.5
 
 
 def test_a_view_that_is_zoomed_in_has_a_longer_focal_length(folder):
-    reader = DepthViewReader(RoomFolder(folder), 3)
+    reader = DepthViewReader(folder, 3)
     focals = [reader.draw().focal for _ in range(20)]
     assert max(focals) > 1.3 * min(focals)
 

@@ -12,7 +12,6 @@ from dfvs_export.networks.pose_regression import NETWORKS, SIZE, STRIDE
 from dfvs_export.training import planar_pairs
 from dfvs_export.training.planar_pairs import PlanarPoseReader, cluster, light
 from dfvs_export.training.pose_pairs import RoomPoseReader, rays
-from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.pose import TrainedPose, load_pose_weights, starting_weights
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_pose
@@ -41,7 +40,7 @@ def camera_of(pair):
 @READERS
 def test_the_flow_is_that_of_points_which_the_pose_moves(folder, reader):
     """There is a positive depth for every cell at which the pose gives the flow."""
-    drawn = reader(RoomFolder(folder), 5)
+    drawn = reader(folder, 5)
     for pair in [drawn.draw() for _ in range(12)]:
         camera, T = camera_of(pair), pair.T_first_second
         d = rays(camera)[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
@@ -61,7 +60,7 @@ def test_the_flow_leads_to_the_same_things(folder, reader, monkeypatch):
     """What the second view shows where the flow leads looks like the first one, cell by cell."""
     monkeypatch.setattr(planar_pairs, "_LIT", 0.0)
     monkeypatch.setattr(planar_pairs, "_OCCLUDED", 0.0)
-    drawn, alike = reader(RoomFolder(folder), 6), []
+    drawn, alike = reader(folder, 6), []
     cells = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
     for pair in [drawn.draw() for _ in range(30)]:
         views = [cv2.GaussianBlur(view, (0, 0), 2.0) for view in pair[:2]]

@@ -14,14 +14,7 @@ from dfvs_export.networks.pose_regression import SIZE as POSE_SIZE
 from dfvs_export.training.depth_views import DepthViewReader
 from dfvs_export.training.planar_pairs import PlanarPoseReader
 from dfvs_export.training.pose_pairs import RoomPoseReader
-from dfvs_export.training.room_pairs import (
-    SIZE,
-    PairReader,
-    RoomFolder,
-    TrainingPair,
-    View,
-    true_matches,
-)
+from dfvs_export.training.room_pairs import SIZE, PairReader, TrainingPair, View, true_matches
 from dfvs_export.weights.flow import load_weights
 
 VIEW, POSE_VIEW = SIZE[::-1], POSE_SIZE[::-1]
@@ -59,7 +52,7 @@ def test_true_matches_are_found_by_depth_and_pose():
     ],
 )
 def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes, values):
-    first, again, other = (parts(reader(RoomFolder(folder), seed).draw()) for seed in (1, 1, 2))
+    first, again, other = (parts(reader(folder, seed).draw()) for seed in (1, 1, 2))
     for drawn, repeated in zip(first, again, strict=True):
         np.testing.assert_array_equal(drawn, repeated)
     assert not np.array_equal(first[0], other[0])
@@ -73,7 +66,7 @@ def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes,
 def test_a_room_without_a_pair_is_named(tmp_path, reader, arrays):
     np.savez(tmp_path / "30007.npz", **arrays)
     with pytest.raises(ConfigError, match=r"30007\.npz holds no pairs"):
-        reader(RoomFolder(tmp_path), 1).draw()
+        reader(tmp_path, 1).draw()
 
 
 def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(trained, tmp_path):
