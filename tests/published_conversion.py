@@ -45,10 +45,9 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     from dfvs_export.bundles.published_flow import PublishedFlow
     from dfvs_export.bundles.runner import BundleRunner
     from dfvs_export.checks.parity import parity
-    from dfvs_export.weights.published import ForeignWeights
     from dfvs_models.catalog import load_matcher
 
-    network = PublishedFlow.load(name, ForeignWeights())
+    network = PublishedFlow.load(name)
     bundle = network.bundle(SIZE)
     write_bundle(folder / name, bundle, network.card(bundle.manifest, {}, ""), {})
     rng = np.random.default_rng(0)

@@ -16,7 +16,7 @@ from dfvs_export.bundles.rounding import round_weights
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace
 from dfvs_export.networks.lighterglue import LighterGlue
-from dfvs_export.networks.xfeat import Keypoints, XFeat
+from dfvs_export.networks.xfeat import Keypoints
 from dfvs_export.weights.flow import Weights
 from dfvs_models.bundle import Bundle
 from dfvs_models.evaluation import LevelScore
@@ -90,7 +90,13 @@ class OwnFlow:
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 that works at ``size`` (width, height) px."""
-        encode, match = _traced(*self.weights.networks(size, KEYPOINTS), size)
+        encoder, matcher = self.weights.networks(size, KEYPOINTS)
+        width, height = size
+        image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
+        with torch.no_grad():
+            keypoints = encoder(image)
+        encode = trace(encoder, (image,), _ENCODE)
+        match = trace(MatchGraph(matcher).eval(), (*keypoints, *keypoints), _MATCH, _ANY_SIZE)
         graphs = {
             "encode": (round_weights(encode), _ENCODE),
             "match": (round_weights(match), _MATCH),
@@ -129,16 +135,3 @@ def _apart_px(expected: Float32Array, found: Float32Array) -> Float32Array:
     """Distance (N,) of each point (N, 2) from the nearest of those found (M, 2)."""
     distances = np.linalg.norm(expected[:, None] - found, axis=2)
     return np.asarray(distances.min(axis=1), np.float32)
-
-
-def _traced(encoder: XFeat, matcher: LighterGlue, size: tuple[int, int]) -> tuple[bytes, bytes]:
-    """ONNX files of both graphs for images of ``size`` (width, height) px."""
-    width, height = size
-    image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        keypoints = encoder.eval()(image)
-    match = MatchGraph(matcher).eval()
-    return (
-        trace(encoder, (image,), _ENCODE),
-        trace(match, (*keypoints, *keypoints), _MATCH, _ANY_SIZE),
-    )

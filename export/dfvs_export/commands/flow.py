@@ -13,7 +13,6 @@ from dfvs_export.commands.comparison import calibration_frames, check_calibratio
 from dfvs_export.commands.network_size import network_size
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.flow import load_weights
-from dfvs_export.weights.published import ForeignWeights
 from dfvs_models.catalog import network_matcher
 from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_models.onnx_session import Execution
@@ -73,5 +72,4 @@ def named_matching_network(arguments: argparse.Namespace) -> OwnFlow | Published
     if checkpoint is not None and not checkpoint.is_file():
         raise ConfigError(f"no checkpoint at {checkpoint}", "a file")
     source = weights if checkpoint is None else str(checkpoint)
-    name = arguments.model.removeprefix(PREFIX)
-    return PublishedFlow.load(name, ForeignWeights(source, digest))
+    return PublishedFlow.load(arguments.model.removeprefix(PREFIX), source, digest)
