@@ -12,16 +12,9 @@ from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import (
-    Execution,
-    OnnxGraph,
-    check_output,
-    require_outputs,
-    trial_image,
-)
+from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 from dfvs_models.pair import image_tensor
 
-_ROLE = "mono"
 FOCAL_SHAPE = (1, 1)
 _TRIAL_FOV_RAD = 1.3
 
@@ -83,8 +76,7 @@ class DepthNetwork:
                 "a bundle of the kind 'mono'",
             )
         self._input, self._meaning = manifest.input, manifest.depth
-        self._roles = manifest.graphs[_ROLE]
-        self._graph = OnnxGraph(bundle.graph(_ROLE), self._roles.file, execution)
+        self._graph = OnnxGraph(bundle, "mono", execution)
         self._check_tensors()
         self._try_out()
 
@@ -123,7 +115,7 @@ class DepthNetwork:
         """Outputs of the graph."""
         image = image_tensor(fitted.image, self._input)
         tensors = [image, np.full(FOCAL_SHAPE, fitted.focal, np.float32)]
-        return self._graph.run(tensors[: len(self._roles.inputs)], self._roles.outputs)
+        return self._graph.run(tensors[: len(self._graph.inputs)])
 
     def _in_image(
         self, values: Float32Array, fitted: FittedImage, size: tuple[int, ...]
@@ -139,19 +131,18 @@ class DepthNetwork:
         return np.asarray(found, np.float32)
 
     def _check_tensors(self) -> None:
-        said = self._roles
+        said = self._graph.said
         image = (1, self._input.channel_count, self._input.height, self._input.width)
         shapes = (image, FOCAL_SHAPE)[: len(said.inputs)]
         wanted = [(n, "tensor(float)", s) for n, s in zip(said.inputs, shapes, strict=True)]
         found = [(spec.name, spec.element, spec.shape) for spec in self._graph.inputs]
         if found != wanted:
             raise ModelError(f"{said.file!r} has the inputs {found}", f"{wanted}")
-        require_outputs(self._graph, said)
+        self._graph.require_outputs()
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
         stride = self._meaning.stride
-        expected = (1, self._input.height // stride, self._input.width // stride)
+        shape = (1, self._input.height // stride, self._input.width // stride)
         outputs = self._run(trial_view(self._input))
-        for name, raw in zip(self._roles.outputs, outputs, strict=True):
-            check_output(f"output {name!r} of {self._roles.file!r}", raw, expected, "finite depth")
+        self._graph.require_values(outputs, [shape] * len(outputs), "finite depth")

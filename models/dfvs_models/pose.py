@@ -3,15 +3,13 @@
 import numpy as np
 
 from dfvs_core.errors import ModelError
-from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_quaternion, so3_exp
 from dfvs_models.bundle import Bundle
 from dfvs_models.depth import FOCAL_SHAPE, FittedImage, fit_image, trial_view
-from dfvs_models.onnx_session import Execution, OnnxGraph, check_output, require_outputs
-from dfvs_models.pair import check_inputs, image_tensor, pair_tensors
-
-_ROLE = "pose"
+from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.pair import image_tensor, pair_tensors
 
 
 class PoseNetwork:
@@ -31,9 +29,8 @@ class PoseNetwork:
                 "a bundle of the kind 'pose'",
             )
         self._input, self._meaning = manifest.input, manifest.pose
-        self._said = manifest.graphs[_ROLE]
-        self._graph = OnnxGraph(bundle.graph(_ROLE), self._said.file, execution)
-        check_inputs(self._graph, self._said, (*self._input.pair_shapes(), FOCAL_SHAPE))
+        self._graph = OnnxGraph(bundle, "pose", execution)
+        self._graph.require_shapes((*self._input.pair_shapes(), FOCAL_SHAPE))
         self._try_out()
 
     @property
@@ -56,22 +53,19 @@ class PoseNetwork:
         images = [image_tensor(side.image, self._input) for side in (first, second)]
         focal = np.full(FOCAL_SHAPE, first.focal, np.float32)
         tensors = pair_tensors(images[0], images[1], self._input)
-        raw = self._graph.run((*tensors, focal), self._said.outputs)
-        for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
-            self._check(name, values, shape)
+        raw = self._graph.run((*tensors, focal))
+        self._graph.require_values(raw, self._meaning.shapes, "a finite pose")
         translation, rotation = (values[0].astype(np.float64) for values in raw)
         is_vector = self._meaning.rotation == "vector"
+        if not (is_vector or rotation.any()):
+            said = self._graph.said
+            where = f"output {said.outputs[1]!r} of {said.file!r}"
+            raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
         R = so3_exp(rotation) if is_vector else rotation_from_quaternion(rotation)
         return make_pose(R, translation)
 
-    def _check(self, name: str, values: Float32Array, shape: tuple[int, ...]) -> None:
-        where = f"output {name!r} of {self._said.file!r}"
-        check_output(where, values, shape, "a finite pose")
-        if shape == (1, 4) and not values.any():
-            raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
-
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        require_outputs(self._graph, self._said)
+        self._graph.require_outputs()
         view = trial_view(self._input)
         self.relative_pose(view, view)
