@@ -88,6 +88,4 @@ def _read_image(path: Path) -> ImageArray:
 
 
 def _sized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
-    if (image.shape[1], image.shape[0]) == size:
-        return image
     return cast(ImageArray, cv2.resize(image, size, interpolation=cv2.INTER_AREA))
