@@ -1,4 +1,4 @@
-"""Converts published networks and runs them as the service does; one line of JSON each.
+"""Converts a published network and runs it as the service does; one line of JSON.
 
 A process of its own, started by the tests: the operators that it defines stay in it.
 """
@@ -56,7 +56,6 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     matcher = load_matcher(str(folder / name), threads=1)
     field = matcher.match(matcher.encode(first), matcher.encode(second))
     return {
-        "name": name,
         "greatest_px": agreement.greatest,
         "shape": field.flow.shape,
         "finite": field.is_finite(),
@@ -66,5 +65,4 @@ def convert(name: str, folder: Path) -> dict[str, object]:
 
 if __name__ == "__main__":
     define_what_torchvision_needs()
-    for network in sys.argv[2:]:
-        print(json.dumps(convert(network, Path(sys.argv[1]))), flush=True)
+    print(json.dumps(convert(sys.argv[2], Path(sys.argv[1]))))
