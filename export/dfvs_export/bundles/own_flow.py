@@ -12,9 +12,8 @@ from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import flow_accuracy, model_card
-from dfvs_export.bundles.rounding import round_weights
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
-from dfvs_export.bundles.tracing import TensorNames, trace
+from dfvs_export.bundles.tracing import TensorNames, round_weights, trace
 from dfvs_export.networks.lighterglue import LighterGlue
 from dfvs_export.networks.xfeat import Keypoints
 from dfvs_export.weights.flow import Weights

@@ -15,15 +15,9 @@ from dfvs_models.bundle import Bundle
 def in_precision(
     bundle: Bundle, precision: Literal["fp16", "int8"], frames: Sequence[ImagePair]
 ) -> Bundle:
-    """Return the bundle with its heavy operators in another precision.
+    """Return the bundle, which is in fp32, with its heavy operators in another precision.
 
-    Parameters
-    ----------
-    bundle : Bundle
-        A bundle in fp32.
-    precision : str
-    frames : sequence of ImagePair
-        Images of the bundle's size, to calibrate int8 on.
+    ``frames`` are images of the bundle's size, to calibrate int8 on.
     """
     feeds = graph_feeds(BundleRunner(bundle), frames) if precision == "int8" else {}
     manifest, contents = bundle.manifest, dict(bundle.contents)

@@ -18,14 +18,9 @@ _LARGEST = float(np.finfo(np.float16).max)
 
 
 def to_half(data: bytes, takes_images: bool) -> bytes:
-    """ONNX file of the graph with its heavy nodes in half precision.
+    """ONNX file, of one in float32, with its heavy nodes in half precision.
 
-    Parameters
-    ----------
-    data : bytes
-        ONNX file in float32.
-    takes_images : bool
-        Whether its inputs are images, not features.
+    For ``takes_images`` see :func:`heavy_nodes`.
     """
     model = onnx.load_model(io.BytesIO(data))
     graph = model.graph

@@ -33,16 +33,10 @@ class _Frames(CalibrationDataReader):  # type: ignore[misc]
 
 
 def to_int8(data: bytes, takes_images: bool, feeds: Sequence[Feeds]) -> bytes:
-    """ONNX file of the graph with its heavy nodes in 8 bits.
+    """ONNX file, of one in float32, with its heavy nodes in 8 bits.
 
-    Parameters
-    ----------
-    data : bytes
-        ONNX file in float32.
-    takes_images : bool
-        Whether its inputs are images, not features.
-    feeds : sequence of dict
-        Inputs that show which range every tensor takes.
+    For ``takes_images`` see :func:`heavy_nodes`; ``feeds`` are inputs that show which range every
+    tensor takes.
     """
     with tempfile.TemporaryDirectory() as folder:
         plain, ready, done = (Path(folder) / f"{name}.onnx" for name in ("plain", "ready", "done"))

@@ -8,7 +8,7 @@ import pytest
 from onnx import numpy_helper
 from onnx_network import NetworkBuilder
 
-from dfvs_export.bundles.rounding import round_weights
+from dfvs_export.bundles.tracing import round_weights
 
 VALUES = np.random.default_rng(1).normal(size=(40, 50)).astype(np.float32)
 VALUES[0, :3] = 0.0, 1e-30, -65504.0
