@@ -13,7 +13,6 @@ from dfvs_export.bundles.tracing import TensorNames
 from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
-BundleKind = Literal["pair", "encode-match", "mono", "pose"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class Source:
 
 
 def make_bundle(
-    kind: BundleKind,
+    kind: Literal["pair", "encode-match", "mono", "pose"],
     graphs: Mapping[str, tuple[bytes, TensorNames]],
     images: ImageInput,
     source: Source,
