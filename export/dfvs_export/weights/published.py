@@ -15,8 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.messages.manifest import sha256
-from dfvs_export.weights.checkpoint import fill
+from dfvs_export.weights.checkpoint import checked_digest, fill
 
 _SAFETENSORS = ".safetensors"
 _SEED = 0
@@ -67,26 +66,6 @@ def _read_weights(reference: Any, source: str, digest: str | None) -> bytes:
     else:
         data = _download(getattr(reference, "pretrained_checkpoints", {}), source)
     return checked_digest(data, source, digest)
-
-
-def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
-    """Bytes of weights, which have to have the SHA-256 that the user names.
-
-    Raises
-    ------
-    ModelError
-        If it is another one, or none was named.
-    """
-    found = sha256(data)
-    if expected is None:
-        raise ModelError(
-            f"{source} has SHA-256 {found}",
-            "the hash to be named beforehand",
-            f"check where the file comes from, then add --sha256 {found}",
-        )
-    if found != expected.lower():
-        raise ModelError(f"{source} has SHA-256 {found}", expected.lower())
-    return data
 
 
 def _download(known: dict[str, str], name: str) -> bytes:

@@ -10,8 +10,8 @@ from dfvs_core.errors import ModelError
 from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth_anything import WEIGHTS_NAME, DepthAnything
 from dfvs_export.networks.midas_small import MidasSmall
-from dfvs_export.weights.checkpoint import fill
-from dfvs_export.weights.published import checked_digest, read_state
+from dfvs_export.weights.checkpoint import checked_digest, fill
+from dfvs_export.weights.published import read_state
 
 DENSE, ANYTHING, MIDAS = "densedepth", "depth-anything-v2-small", "midas-small"
 
