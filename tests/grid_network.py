@@ -14,7 +14,6 @@ WIDTH, HEIGHT, CELL = 96, 64, 16
 COUNT = WIDTH * HEIGHT // CELL**2
 CHANNELS = 2
 ENCODED = ("points", "descriptors", "scores")
-MATCHED = ("partners", "confidence")
 
 
 def centres(columns, rows):

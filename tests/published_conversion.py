@@ -1,4 +1,4 @@
-"""Converts published networks and runs them as the service does; one line of JSON each.
+"""Converts a published network and runs it as the service does; one line of JSON.
 
 A process of its own, started by the tests: the operators that it defines stay in it.
 """
@@ -41,23 +41,21 @@ def _torchvision_fits() -> bool:
 
 
 def convert(name: str, folder: Path) -> dict[str, object]:
-    from dfvs_export.bundles.folder import described, write_bundle
+    from dfvs_export.bundles.bundle import write_bundle
     from dfvs_export.bundles.published_flow import PublishedFlow
     from dfvs_export.bundles.runner import BundleRunner
     from dfvs_export.checks.parity import parity
-    from dfvs_export.weights.published import ForeignWeights
     from dfvs_models.catalog import load_matcher
 
-    network = PublishedFlow.load(name, ForeignWeights())
+    network = PublishedFlow.load(name)
     bundle = network.bundle(SIZE)
-    write_bundle(folder / name, described(bundle, network.card(bundle.manifest, {}, ""), {}))
+    write_bundle(folder / name, bundle, network.card(bundle.manifest, {}, ""), {})
     rng = np.random.default_rng(0)
     first, second = (rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8) for _ in "ab")
     agreement = parity(network, BundleRunner(bundle, threads=1), [(first, second)])
     matcher = load_matcher(str(folder / name), threads=1)
     field = matcher.match(matcher.encode(first), matcher.encode(second))
     return {
-        "name": name,
         "greatest_px": agreement.greatest,
         "shape": field.flow.shape,
         "finite": field.is_finite(),
@@ -67,5 +65,4 @@ def convert(name: str, folder: Path) -> dict[str, object]:
 
 if __name__ == "__main__":
     define_what_torchvision_needs()
-    for network in sys.argv[2:]:
-        print(json.dumps(convert(network, Path(sys.argv[1]))), flush=True)
+    print(json.dumps(convert(sys.argv[2], Path(sys.argv[1]))))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import cannot_run, run_command
-from dfvs_export.commands.deferred import deferred
 from dfvs_export.commands.train_options import add_train, add_train_depth, add_train_pose
 
 _EXAMPLES = """examples:
@@ -49,11 +49,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = program_parser(
-        "dfvs-export",
-        __doc__,
-        _EXAMPLES,
-    )
+    parser = program_parser("dfvs-export", __doc__, _EXAMPLES)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     add_train(commands)
     add_train_depth(commands)
@@ -66,6 +62,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _deferred(module: str, name: str) -> Callable[[argparse.Namespace], int]:
+    """Subcommand that is imported when it runs: most need torch, which takes seconds to import."""
+
+    def run(arguments: argparse.Namespace) -> int:
+        found = importlib.import_module(f"dfvs_export.commands.{module}")
+        return int(getattr(found, name)(arguments))
+
+    return run
+
+
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     flow = commands.add_parser("flow", help="make a bundle of a flow network")
     _add_network(flow)
@@ -76,7 +82,7 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     _add_calibration(flow)
     flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
-    flow.set_defaults(run=deferred("flow", "run_flow"))
+    flow.set_defaults(run=_deferred("flow", "run_flow"))
 
 
 def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -121,7 +127,7 @@ def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="images with depth to measure accuracy on, for the model card",
     )
     add("--out", type=Path, required=True, metavar="FOLDER")
-    depth.set_defaults(run=deferred("depth", "run_depth"))
+    depth.set_defaults(run=_deferred("depth", "run_depth"))
 
 
 def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -133,7 +139,7 @@ def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     add = pose.add_argument
     add("--checkpoint", type=Path, required=True, metavar="FILE.pt", help="of train-pose")
     add("--out", type=Path, required=True, metavar="FOLDER")
-    pose.set_defaults(run=deferred("pose", "run_pose"))
+    pose.set_defaults(run=_deferred("pose", "run_pose"))
 
 
 def _add_folder(command: argparse.ArgumentParser) -> None:
@@ -192,7 +198,7 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="with --pairs: fail where the error is more than 15 %% above this bundle's",
     )
     check.add_argument("--json", action="store_true", help="print one line of JSON")
-    check.set_defaults(run=deferred("check", "run_check"))
+    check.set_defaults(run=_deferred("check", "run_check"))
 
 
 def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -202,7 +208,7 @@ def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     bench.add_argument("--threads", type=int, default=2)
     bench.add_argument("--runs", type=int, default=30)
     bench.add_argument("--json", type=Path, metavar="FILE")
-    bench.set_defaults(run=deferred("bench", "run_bench"))
+    bench.set_defaults(run=_deferred("bench", "run_bench"))
 
 
 if __name__ == "__main__":

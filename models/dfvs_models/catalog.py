@@ -67,9 +67,8 @@ def load_matcher(
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return classical_matcher(config)
-    is_hybrid, where = _split(name_or_path)
-    bundle = read_bundle(_folder(where))
-    return network_matcher(bundle, execution, is_hybrid, config)
+    bundle = read_bundle(_folder(name_or_path.removeprefix(_HYBRID)))
+    return network_matcher(bundle, execution, name_or_path.startswith(_HYBRID), config)
 
 
 def network_matcher(
@@ -169,11 +168,6 @@ def depth_files(choice: DepthChoice, name_or_path: str) -> dict[str, str]:
     return {f"depth/{name}": digest for name, digest in model_files(name_or_path).items()}
 
 
-def _split(name_or_path: str) -> tuple[bool, str]:
-    """Whether a name begins with ``"hybrid:"``, and the rest of it."""
-    return name_or_path.startswith(_HYBRID), name_or_path.removeprefix(_HYBRID)
-
-
 def model_files(name_or_path: str) -> dict[str, str]:
     """SHA-256 of every file that a matcher of :func:`load_matcher` consists of, by name.
 
@@ -186,7 +180,7 @@ def model_files(name_or_path: str) -> dict[str, str]:
     """
     if name_or_path == CLASSICAL:
         return {}
-    manifest = read_bundle(_folder(_split(name_or_path)[1])).manifest
+    manifest = read_bundle(_folder(name_or_path.removeprefix(_HYBRID))).manifest
     return {MANIFEST_NAME: sha256(manifest.to_json().encode()), **manifest.files}
 
 

@@ -12,17 +12,10 @@ from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import (
-    Execution,
-    OnnxGraph,
-    check_output,
-    require_outputs,
-    trial_image,
-)
+from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 from dfvs_models.pair import image_tensor
 
-_ROLE = "mono"
-_FOCAL_SHAPE = (1, 1)
+FOCAL_SHAPE = (1, 1)
 _TRIAL_FOV_RAD = 1.3
 
 
@@ -59,6 +52,13 @@ def fit_image(image: ImageArray, camera: CameraModel, spec: ImageInput) -> Fitte
     return FittedImage(cast(ImageArray, whole), (x, y), size, focal)
 
 
+def trial_view(spec: ImageInput) -> FittedImage:
+    """Image that a network is tried out on."""
+    image = np.repeat(trial_image(spec.width, spec.height)[..., None], 3, axis=2)
+    camera = CameraModel.from_horizontal_fov(spec.width, spec.height, _TRIAL_FOV_RAD)
+    return fit_image(image, camera, spec)
+
+
 class DepthNetwork:
     """Runs a ``mono`` bundle; a ``DepthEstimator``. Distortion is not taken out of the image.
 
@@ -76,8 +76,7 @@ class DepthNetwork:
                 "a bundle of the kind 'mono'",
             )
         self._input, self._meaning = manifest.input, manifest.depth
-        self._roles = manifest.graphs[_ROLE]
-        self._graph = OnnxGraph(bundle.graph(_ROLE), self._roles.file, execution)
+        self._graph = OnnxGraph(bundle, "mono", execution)
         self._check_tensors()
         self._try_out()
 
@@ -100,7 +99,7 @@ class DepthNetwork:
                 f"uint8 of {(camera.height, camera.width, 3)}",
             )
         fitted = fit_image(image, camera, self._input)
-        raw = self.run(image_tensor(fitted.image, self._input), fitted.focal)
+        raw = self._run(fitted)
         depth = self._in_image(raw[0][0], fitted, image.shape[:2])
         if self._meaning.quantity == "depth":
             rho = np.divide(np.float32(1.0), depth, out=np.zeros_like(depth), where=depth > 0)
@@ -112,10 +111,11 @@ class DepthNetwork:
             spread = np.full_like(rho, self._meaning.spread)
         return NetworkDepth(rho, spread, self._meaning.unit, self._meaning.scale_spread)
 
-    def run(self, image: Float32Array, focal: float) -> list[Float32Array]:
-        """Outputs of the graph, for an image (1, C, h, w) and its focal length over its width."""
-        tensors = [image, np.full(_FOCAL_SHAPE, focal, np.float32)][: len(self._roles.inputs)]
-        return self._graph.run(tensors, self._roles.outputs)
+    def _run(self, fitted: FittedImage) -> list[Float32Array]:
+        """Outputs of the graph."""
+        image = image_tensor(fitted.image, self._input)
+        tensors = [image, np.full(FOCAL_SHAPE, fitted.focal, np.float32)]
+        return self._graph.run(tensors[: len(self._graph.inputs)])
 
     def _in_image(
         self, values: Float32Array, fitted: FittedImage, size: tuple[int, ...]
@@ -131,24 +131,18 @@ class DepthNetwork:
         return np.asarray(found, np.float32)
 
     def _check_tensors(self) -> None:
-        said = self._roles
-        shapes: list[tuple[int, ...]] = [
-            (1, self._input.channel_count, self._input.height, self._input.width)
-        ]
-        shapes = [*shapes, _FOCAL_SHAPE][: len(said.inputs)]
+        said = self._graph.said
+        image = (1, self._input.channel_count, self._input.height, self._input.width)
+        shapes = (image, FOCAL_SHAPE)[: len(said.inputs)]
         wanted = [(n, "tensor(float)", s) for n, s in zip(said.inputs, shapes, strict=True)]
         found = [(spec.name, spec.element, spec.shape) for spec in self._graph.inputs]
         if found != wanted:
             raise ModelError(f"{said.file!r} has the inputs {found}", f"{wanted}")
-        require_outputs(self._graph, said)
+        self._graph.require_outputs()
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        width, height = self._input.width, self._input.height
-        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
-        camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
-        expected = (1, height // self._meaning.stride, width // self._meaning.stride)
-        fitted = fit_image(image, camera, self._input)
-        outputs = self.run(image_tensor(fitted.image, self._input), fitted.focal)
-        for name, raw in zip(self._roles.outputs, outputs, strict=True):
-            check_output(f"output {name!r} of {self._roles.file!r}", raw, expected, "finite depth")
+        stride = self._meaning.stride
+        shape = (1, self._input.height // stride, self._input.width // stride)
+        outputs = self._run(trial_view(self._input))
+        self._graph.require_values(outputs, [shape] * len(outputs), "finite depth")

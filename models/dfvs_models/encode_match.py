@@ -17,7 +17,6 @@ from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
-_ENCODE, _MATCH = "encode", "match"
 FREE_AXES = (0, 1)
 """Axes of the match graph's inputs whose sizes it leaves open: pairs of images, and keypoints."""
 _FEW_KEYPOINTS = 400
@@ -99,11 +98,8 @@ class EncodeMatchPoints:
         self._input: ImageInput = manifest.input
         self._turns_rad, self._scales = turns_rad, scales
         self._changes = tuple(itertools.product(turns_rad, scales))
-        self._roles = manifest.graphs
-        self._encode, self._match = (
-            OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution, free_axes)
-            for role, free_axes in ((_ENCODE, ()), (_MATCH, FREE_AXES))
-        )
+        self._encode = OnnxGraph(bundle, "encode", execution)
+        self._match = OnnxGraph(bundle, "match", execution, FREE_AXES)
         self._check_tensors()
         self._try_out()
 
@@ -180,7 +176,7 @@ class EncodeMatchPoints:
             borderValue=_OUTSIDE,
         )
         canvas = np.asarray(warped, np.float32)
-        tensors = self._encode.run([canvas[None, None]], self._roles[_ENCODE].outputs)
+        tensors = self._encode.run([canvas[None, None]])
         # to the image: back by the turn, then from its scaled pixels to its own
         linear = turn.T / scale
         return Keypoints(tensors, np.column_stack([linear, (0.5 - turn.T @ shift) / scale - 0.5]))
@@ -190,24 +186,19 @@ class EncodeMatchPoints:
     ) -> tuple[Float32Array, Float32Array]:
         """Partners (B, N, 2) px of the first keypoints, and confidence (B, N); 0 is none."""
         feeds = self._manifest.match_feeds(first, second)
-        points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
+        points, confidence = self._match.run(list(feeds.values()))
         return points, np.nan_to_num(confidence, posinf=0.0)
 
     def _check_tensors(self) -> None:
         """Check names, and that images and keypoints have the shapes that they have to have."""
-        for role, graph in ((_ENCODE, self._encode), (_MATCH, self._match)):
-            names = [spec.name for spec in graph.inputs]
-            said = self._roles[role]
-            if names != list(said.inputs):
-                raise ModelError(f"{said.file!r} has the inputs {names}", f"{list(said.inputs)}")
-            missing = set(said.outputs) - set(graph.output_names)
-            if missing:
-                raise ModelError(f"{said.file!r} lacks the outputs {sorted(missing)}")
-        for role, outputs in ((_ENCODE, 3), (_MATCH, 2)):
-            if len(self._roles[role].outputs) != outputs:
+        for graph in (self._encode, self._match):
+            graph.require_inputs()
+            graph.require_outputs()
+        for role, outputs in (("encode", 3), ("match", 2)):
+            said = self._manifest.graphs[role]
+            if len(said.outputs) != outputs:
                 raise ModelError(
-                    f"graph {role!r} has the outputs {self._roles[role].outputs}",
-                    f"{outputs} of them",
+                    f"graph {role!r} has the outputs {said.outputs}", f"{outputs} of them"
                 )
         shape = (1, 1, self._input.height, self._input.width)
         actual = [(spec.element, spec.shape) for spec in self._encode.inputs]
@@ -230,7 +221,7 @@ class EncodeMatchPoints:
                 f"what 'encode' gives, of any number of images and keypoints (0): {given}",
             )
         shape = tensors[0].shape[:2]
-        points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
+        points, confidence = self._match.run(list(feeds.values()))
         if points.shape != (*shape, 2) or confidence.shape != shape:
             raise ModelError(
                 f"graph 'match' gives {points.shape} and {confidence.shape}",

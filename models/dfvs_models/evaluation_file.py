@@ -13,7 +13,7 @@ One ``.npz``; pixel centres lie at +0.5, images are RGB:
 
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,13 +63,6 @@ class FlowPairs:
     flow: Float32Array
     visible: BoolArray
     level: NDArray[np.int64]
-
-    def __iter__(
-        self,
-    ) -> Iterator[tuple[ImageArray, ImageArray, Float32Array, BoolArray, np.int64]]:
-        """Pair by pair: both images, flow, visibility and level."""
-        columns = (self.current, self.other, self.flow, self.visible, self.level)
-        return zip(*columns, strict=True)
 
 
 def read_flow_pairs(path: Path) -> FlowPairs:

@@ -11,7 +11,8 @@ from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
 
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.messages.manifest import Graph, sha256
+from dfvs_core.messages.manifest import sha256
+from dfvs_models.bundle import Bundle
 
 _FATAL_ONLY = 4
 _REMOTE = "AzureExecutionProvider"
@@ -64,14 +65,13 @@ class TensorSpec:
 
 
 class OnnxGraph:
-    """One ONNX graph, ready to run.
+    """One graph of a bundle, ready to run; ``said`` is what the manifest says of it.
 
     Parameters
     ----------
-    data : bytes
-        The ONNX file, already verified.
-    name : str
-        What errors call it.
+    bundle : Bundle
+    role : str
+        The graph's, as the manifest names it.
     execution : Execution
         Threads and provider.
     free_axes : tuple of int
@@ -85,8 +85,10 @@ class OnnxGraph:
     """
 
     def __init__(
-        self, data: bytes, name: str, execution: Execution, free_axes: tuple[int, ...] = ()
+        self, bundle: Bundle, role: str, execution: Execution, free_axes: tuple[int, ...] = ()
     ) -> None:
+        self.said = bundle.manifest.graphs[role]
+        data, name = bundle.graph(role), self.said.file
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = execution.threads
         options.inter_op_num_threads = 1
@@ -112,12 +114,11 @@ class OnnxGraph:
             raise ModelError(
                 f"ONNX Runtime fell back to {', '.join(used)} for {name!r}", execution.provider
             )
-        self._name = name
         self.inputs = tuple(_spec(name, t, free_axes) for t in self._session.get_inputs())
         self.output_names = tuple(tensor.name for tensor in self._session.get_outputs())
 
-    def run(self, tensors: Sequence[Float32Array], outputs: Sequence[str]) -> list[Float32Array]:
-        """Run the graph on tensors in the order of ``inputs``; give the named outputs.
+    def run(self, tensors: Sequence[Float32Array]) -> list[Float32Array]:
+        """Run the graph on tensors in the order of ``inputs``; give the outputs of the manifest.
 
         Raises
         ------
@@ -126,12 +127,75 @@ class OnnxGraph:
         """
         feeds = {spec.name: t for spec, t in zip(self.inputs, tensors, strict=True)}
         try:
-            results = self._session.run(list(outputs), feeds)
+            results = self._session.run(list(self.said.outputs), feeds)
         except _LOAD_ERRORS as error:
             raise ModelError(
-                f"ONNX Runtime cannot run {self._name!r}: {_one_line(error)}"
+                f"ONNX Runtime cannot run {self.said.file!r}: {_one_line(error)}"
             ) from error
         return [np.asarray(result) for result in results]
+
+    def require_inputs(self) -> None:
+        """Refuse a graph whose inputs have not the names that its manifest says.
+
+        Raises
+        ------
+        ModelError
+            Naming the inputs.
+        """
+        names = [spec.name for spec in self.inputs]
+        if names != list(self.said.inputs):
+            raise ModelError(
+                f"{self.said.file!r} has the inputs {names}", f"{list(self.said.inputs)}"
+            )
+
+    def require_shapes(self, shapes: Sequence[tuple[int, ...]]) -> None:
+        """Refuse a graph whose inputs have not the names that its manifest says, or other shapes.
+
+        Raises
+        ------
+        ModelError
+            Naming the input.
+        """
+        self.require_inputs()
+        for found, shape in zip(self.inputs, shapes, strict=True):
+            if found.shape != shape or found.element != "tensor(float)":
+                raise ModelError(
+                    f"input {found.name!r} of {self.said.file!r} is {found.element} of"
+                    f" {found.shape}",
+                    f"tensor(float) of {shape}",
+                )
+
+    def require_outputs(self) -> None:
+        """Refuse a graph that lacks an output that its manifest names.
+
+        Raises
+        ------
+        ModelError
+            Naming the outputs.
+        """
+        if missing := sorted(set(self.said.outputs) - set(self.output_names)):
+            raise ModelError(f"{self.said.file!r} lacks the outputs {missing}")
+
+    def require_values(
+        self, outputs: Sequence[Float32Array], shapes: Sequence[tuple[int, ...]], expected: str
+    ) -> None:
+        """Refuse outputs of another type or shape, or that are not finite, as is ``expected``.
+
+        Raises
+        ------
+        ModelError
+            Naming the output.
+        """
+        for name, values, shape in zip(self.said.outputs, outputs, shapes, strict=True):
+            where = f"output {name!r} of {self.said.file!r}"
+            if values.shape != shape or values.dtype != np.float32:
+                raise ModelError(
+                    f"{where} is {values.dtype} of {values.shape}", f"float32 of {shape}"
+                )
+            if not np.isfinite(values).all():
+                raise ModelError(
+                    f"{where} has values that are not finite", expected, "its weights are damaged"
+                )
 
 
 def provider_options(data: bytes, execution: Execution) -> dict[str, str]:
@@ -156,34 +220,6 @@ def provider_options(data: bytes, execution: Execution) -> dict[str, str]:
 def trial_image(width: int, height: int) -> ImageArray:
     """Grey ramp (height, width) that a network is tried out on."""
     return (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.uint8)
-
-
-def require_outputs(graph: OnnxGraph, said: Graph) -> None:
-    """Refuse a graph that lacks an output that its manifest names.
-
-    Raises
-    ------
-    ModelError
-        Naming the outputs.
-    """
-    if missing := sorted(set(said.outputs) - set(graph.output_names)):
-        raise ModelError(f"{said.file!r} lacks the outputs {missing}")
-
-
-def check_output(where: str, values: Float32Array, shape: tuple[int, ...], expected: str) -> None:
-    """Refuse values of another type or shape, or that are not finite, as is ``expected``.
-
-    Raises
-    ------
-    ModelError
-        Saying ``where`` they come from.
-    """
-    if values.shape != shape or values.dtype != np.float32:
-        raise ModelError(f"{where} is {values.dtype} of {values.shape}", f"float32 of {shape}")
-    if not np.isfinite(values).all():
-        raise ModelError(
-            f"{where} has values that are not finite", expected, "its weights are damaged"
-        )
 
 
 def _spec(name: str, tensor: onnxruntime.NodeArg, free_axes: tuple[int, ...]) -> TensorSpec:

@@ -18,12 +18,9 @@ from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
 from dfvs_core.matching.points import NO_MATCHES, Exclusion, PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
-from dfvs_core.messages.manifest import Graph
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
-
-_ROLE = "pair"
 
 
 class PairImage(ImageFeatures):
@@ -54,11 +51,8 @@ class PairMatcher:
         self._input = manifest.input
         self._flow = manifest.flow
         self._config = MatchingConfig()
-        graph = manifest.graphs[_ROLE]
-        self._name = graph.file
-        self._output = graph.outputs[0]
-        self._graph = OnnxGraph(bundle.graph(_ROLE), graph.file, execution)
-        check_inputs(self._graph, graph, self._input.pair_shapes())
+        self._graph = OnnxGraph(bundle, "pair", execution)
+        self._graph.require_shapes(self._input.pair_shapes())
         self._try_out()
 
     @property
@@ -102,33 +96,30 @@ class PairMatcher:
 
     def _run(self, current: PairImage, other: PairImage) -> Float32Array:
         """Flow (H, W, 2) px of the images' own size."""
-        (raw,) = self._graph.run(
-            pair_tensors(current.tensor, other.tensor, self._input), [self._output]
-        )
+        (raw,) = self._graph.run(pair_tensors(current.tensor, other.tensor, self._input))
         return image_flow(raw, self._input, self._flow, current.size)
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        if self._output not in self._graph.output_names:
+        name, (output,) = self._graph.said.file, self._graph.said.outputs
+        if output not in self._graph.output_names:
             raise ModelError(
-                f"{self._name!r} has the outputs {list(self._graph.output_names)}",
-                f"one named {self._output!r}",
+                f"{name!r} has the outputs {list(self._graph.output_names)}",
+                f"one named {output!r}",
             )
         size = (self._input.height, self._input.width)
         pixels = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
         image = PairImage(pixels, self._input)
-        (raw,) = self._graph.run(
-            pair_tensors(image.tensor, image.tensor, self._input), [self._output]
-        )
+        (raw,) = self._graph.run(pair_tensors(image.tensor, image.tensor, self._input))
         expected = (1, 2, size[0] // self._flow.stride, size[1] // self._flow.stride)
         if raw.shape != expected or raw.dtype != np.float32:
             raise ModelError(
-                f"output {self._output!r} of {self._name!r} is {raw.dtype} of {raw.shape}",
+                f"output {output!r} of {name!r} is {raw.dtype} of {raw.shape}",
                 f"float32 of {expected}",
             )
         if not np.isfinite(raw).all():
             raise ModelError(
-                f"{self._name!r} gives values that are not finite",
+                f"{name!r} gives values that are not finite",
                 "finite flow",
                 "its weights are damaged",
             )
@@ -160,26 +151,6 @@ class FlowPoints:
     ) -> PointMatches:
         """No matches: these networks take too long between frames."""
         return NO_MATCHES
-
-
-def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Refuse a graph whose inputs have not the names that its manifest says, or other shapes.
-
-    Raises
-    ------
-    ModelError
-        Naming the input.
-    """
-    actual = {found.name: found for found in graph.inputs}
-    if list(actual) != list(said.inputs):
-        raise ModelError(f"{said.file!r} has the inputs {list(actual)}", f"{list(said.inputs)}")
-    for name, shape in zip(said.inputs, shapes, strict=True):
-        found = actual[name]
-        if found.shape != shape or found.element != "tensor(float)":
-            raise ModelError(
-                f"input {name!r} of {said.file!r} is {found.element} of {found.shape}",
-                f"tensor(float) of {shape}",
-            )
 
 
 def image_tensor(image: ImageArray, spec: ImageInput) -> Float32Array:

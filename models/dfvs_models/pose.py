@@ -1,48 +1,19 @@
 """Pose network of a ``pose`` bundle."""
 
-from typing import Protocol
-
 import numpy as np
 
 from dfvs_core.errors import ModelError
-from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_quaternion, so3_exp
 from dfvs_models.bundle import Bundle
-from dfvs_models.depth import FittedImage, fit_image
-from dfvs_models.onnx_session import (
-    Execution,
-    OnnxGraph,
-    check_output,
-    require_outputs,
-    trial_image,
-)
-from dfvs_models.pair import check_inputs, image_tensor, pair_tensors
-
-_ROLE = "pose"
-_FOCAL_SHAPE = (1, 1)
-_TRIAL_FOV_RAD = 1.3
-
-
-class PoseRegressor(Protocol):
-    """Gives the pose between two images of one camera."""
-
-    @property
-    def unit(self) -> str:
-        """Of the translation: ``"m"``, or ``"depth"``: depths at the second image's middle."""
-        ...
-
-    def fit(self, image: ImageArray, camera: CameraModel) -> FittedImage:
-        """Image for :meth:`relative_pose`, of one (H, W, 3) uint8 RGB of a camera."""
-        ...
-
-    def relative_pose(self, first: FittedImage, second: FittedImage) -> FloatArray:
-        """``T_first_second`` (4, 4)."""
-        ...
+from dfvs_models.depth import FOCAL_SHAPE, FittedImage, fit_image, trial_view
+from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.pair import image_tensor, pair_tensors
 
 
 class PoseNetwork:
-    """Runs a ``pose`` bundle; a ``PoseRegressor``. Distortion is not taken out of images.
+    """Runs a ``pose`` bundle. Distortion is not taken out of images.
 
     Raises
     ------
@@ -58,9 +29,8 @@ class PoseNetwork:
                 "a bundle of the kind 'pose'",
             )
         self._input, self._meaning = manifest.input, manifest.pose
-        self._said = manifest.graphs[_ROLE]
-        self._graph = OnnxGraph(bundle.graph(_ROLE), self._said.file, execution)
-        check_inputs(self._graph, self._said, (*self._input.pair_shapes(), _FOCAL_SHAPE))
+        self._graph = OnnxGraph(bundle, "pose", execution)
+        self._graph.require_shapes((*self._input.pair_shapes(), FOCAL_SHAPE))
         self._try_out()
 
     @property
@@ -81,26 +51,21 @@ class PoseNetwork:
             If the network gives values that are not finite, or no rotation.
         """
         images = [image_tensor(side.image, self._input) for side in (first, second)]
-        focal = np.full(_FOCAL_SHAPE, first.focal, np.float32)
+        focal = np.full(FOCAL_SHAPE, first.focal, np.float32)
         tensors = pair_tensors(images[0], images[1], self._input)
-        raw = self._graph.run((*tensors, focal), self._said.outputs)
-        for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
-            self._check(name, values, shape)
+        raw = self._graph.run((*tensors, focal))
+        self._graph.require_values(raw, self._meaning.shapes, "a finite pose")
         translation, rotation = (values[0].astype(np.float64) for values in raw)
         is_vector = self._meaning.rotation == "vector"
+        if not (is_vector or rotation.any()):
+            said = self._graph.said
+            where = f"output {said.outputs[1]!r} of {said.file!r}"
+            raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
         R = so3_exp(rotation) if is_vector else rotation_from_quaternion(rotation)
         return make_pose(R, translation)
 
-    def _check(self, name: str, values: Float32Array, shape: tuple[int, ...]) -> None:
-        where = f"output {name!r} of {self._said.file!r}"
-        check_output(where, values, shape, "a finite pose")
-        if shape == (1, 4) and not values.any():
-            raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
-
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        require_outputs(self._graph, self._said)
-        width, height = self._input.width, self._input.height
-        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
-        camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
-        self.relative_pose(*(self.fit(image, camera) for _ in range(2)))
+        self._graph.require_outputs()
+        view = trial_view(self._input)
+        self.relative_pose(view, view)

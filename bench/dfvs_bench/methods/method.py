@@ -13,7 +13,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.servo.config import BY_NETWORK, DepthChoice
 from dfvs_models.catalog import load_depth, load_pose
-from dfvs_models.pose import PoseRegressor
+from dfvs_models.pose import PoseNetwork
 
 FRAME_PERIOD_S = 0.1
 """Time between two frames of methods that reckon in seconds: gain 1/s is 0.1 a frame."""
@@ -91,7 +91,7 @@ class Networks:
     """Networks beside the matcher, of those methods that need one."""
 
     depth: DepthEstimator | None = None
-    pose: PoseRegressor | None = None
+    pose: PoseNetwork | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import se3_exp, se3_log
 from dfvs_models.depth import FittedImage
-from dfvs_models.pose import PoseRegressor
+from dfvs_models.pose import PoseNetwork
 
 ITERATIONS = 300
 _GAIN = 0.1
@@ -29,7 +29,7 @@ class PoseRegressionMethod:
     ----------
     goal : GoalObservation
         Its median depth scales a translation that is in depths; else only image and camera.
-    network : PoseRegressor
+    network : PoseNetwork
 
     Raises
     ------
@@ -37,7 +37,7 @@ class PoseRegressionMethod:
         If there is no network.
     """
 
-    def __init__(self, goal: GoalObservation, network: PoseRegressor | None) -> None:
+    def __init__(self, goal: GoalObservation, network: PoseNetwork | None) -> None:
         if network is None:
             raise ModelError("no network that regresses poses", "a bundle of the kind 'pose'")
         self._network, self._camera = network, goal.camera

@@ -11,9 +11,7 @@ _FLOW_HEADS = ("motion", "mean error", "under 3 px", "error of the more confiden
 _DEPTH_HEADS = ("images", "depth", "abs-rel", "RMSE", "within 25 %")
 
 
-def model_card(
-    name: str, about: str, accuracy: str = _NOT_MEASURED, training: str = "", limits: str = ""
-) -> str:
+def model_card(name: str, about: str, accuracy: str, training: str = "", limits: str = "") -> str:
     """Text of a model card; a section without text is left out."""
     sections = {"Training": training, "Accuracy": accuracy, "What it is bad at": limits}
     texts = [f"## {title}\n{text}" for title, text in sections.items() if text]

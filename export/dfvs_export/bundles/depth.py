@@ -11,11 +11,11 @@ from torch import Tensor, nn
 
 from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError
-from dfvs_core.geometry.arrays import Float32Array, ImageArray
+from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import depth_accuracy, model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
 from dfvs_export.networks.depth_anything import DepthAnything
@@ -160,18 +160,16 @@ class DepthModel:
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
         """How far ONNX Runtime's outputs are from torch's, over the range of torch's values."""
-        return np.concatenate([self._differences(runner, image) for image in pair])
-
-    def _differences(self, runner: BundleRunner, image: ImageArray) -> Float32Array:
-        tensors = runner.encode(image)
-        found = runner.match(tensors, tensors)
-        with torch.no_grad():
-            outputs = self.module(*(torch.from_numpy(tensor) for tensor in tensors))
-        expected = (outputs,) if isinstance(outputs, Tensor) else outputs
-        apart = [
-            np.abs(a - b).ravel() / max(float(np.ptp(b)), _LEAST_RANGE * float(np.abs(b).max()))
-            for a, b in zip(found, (each.numpy() for each in expected), strict=True)
-        ]
+        apart = []
+        for image in pair:
+            tensors = runner.encode(image)
+            found = runner.match(tensors, tensors)
+            with torch.no_grad():
+                outputs = self.module(*(torch.from_numpy(tensor) for tensor in tensors))
+            expected = (outputs,) if isinstance(outputs, Tensor) else outputs
+            for a, b in zip(found, (each.numpy() for each in expected), strict=True):
+                extent = max(float(np.ptp(b)), _LEAST_RANGE * float(np.abs(b).max()))
+                apart.append(np.abs(a - b).ravel() / extent)
         return np.concatenate(apart).astype(np.float32)
 
     def card(self, manifest: Manifest, measured: Mapping[str, MeasuredDepth]) -> str:

@@ -1,10 +1,7 @@
 """dfvs-flow with its weights, as something that bundles are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -13,14 +10,13 @@ from torch import Tensor, nn
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import flow_accuracy, model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
-from dfvs_export.bundles.rounding import round_weights
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
-from dfvs_export.bundles.tracing import TensorNames, trace
+from dfvs_export.bundles.tracing import TensorNames, round_weights, trace
 from dfvs_export.networks.lighterglue import LighterGlue
-from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.weights.flow import Weights, load_weights
+from dfvs_export.networks.xfeat import Keypoints
+from dfvs_export.weights.flow import Weights
 from dfvs_models.bundle import Bundle
 from dfvs_models.evaluation import LevelScore
 
@@ -82,20 +78,9 @@ class MatchGraph(nn.Module):
 
 @dataclass(frozen=True, slots=True)
 class OwnFlow:
-    """dfvs-flow with trained weights; a ``MatchingNetwork``."""
+    """dfvs-flow with trained weights."""
 
     weights: Weights
-
-    @classmethod
-    def load(cls, path: Path | None) -> OwnFlow:
-        """Read a checkpoint or the published wheel, or where none is named the shipped weights.
-
-        Raises
-        ------
-        ModelError
-            If it cannot be used.
-        """
-        return cls(load_weights(path))
 
     @property
     def origin(self) -> str:
@@ -104,7 +89,13 @@ class OwnFlow:
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 that works at ``size`` (width, height) px."""
-        encode, match = _traced(*self.weights.networks(size, KEYPOINTS), size)
+        encoder, matcher = self.weights.networks(size, KEYPOINTS)
+        width, height = size
+        image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
+        with torch.no_grad():
+            keypoints = encoder(image)
+        encode = trace(encoder, (image,), _ENCODE)
+        match = trace(MatchGraph(matcher).eval(), (*keypoints, *keypoints), _MATCH, _ANY_SIZE)
         graphs = {
             "encode": (round_weights(encode), _ENCODE),
             "match": (round_weights(match), _MATCH),
@@ -113,7 +104,7 @@ class OwnFlow:
         return make_bundle("encode-match", graphs, images, Source(NAME, self.origin, "Apache-2.0"))
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
-        """How far partners from ONNX Runtime are from torch's, or the keypoints if others."""
+        """How far partners from ONNX Runtime are from torch's, px, or the keypoints if others."""
         taken = runner.bundle.manifest.input
         encoder, matcher = self.weights.networks((taken.width, taken.height), KEYPOINTS)
         with torch.no_grad():
@@ -143,16 +134,3 @@ def _apart_px(expected: Float32Array, found: Float32Array) -> Float32Array:
     """Distance (N,) of each point (N, 2) from the nearest of those found (M, 2)."""
     distances = np.linalg.norm(expected[:, None] - found, axis=2)
     return np.asarray(distances.min(axis=1), np.float32)
-
-
-def _traced(encoder: XFeat, matcher: LighterGlue, size: tuple[int, int]) -> tuple[bytes, bytes]:
-    """ONNX files of both graphs for images of ``size`` (width, height) px."""
-    width, height = size
-    image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        keypoints = encoder.eval()(image)
-    match = MatchGraph(matcher).eval()
-    return (
-        trace(encoder, (image,), _ENCODE),
-        trace(match, (*keypoints, *keypoints), _MATCH, _ANY_SIZE),
-    )

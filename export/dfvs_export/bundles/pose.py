@@ -11,8 +11,8 @@ import torch
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace
 from dfvs_export.networks.pose_regression import SIZE, PoseNet
@@ -62,11 +62,6 @@ class PoseModel:
         weights = load_pose_weights(path)
         return cls(weights, weights.network())
 
-    @property
-    def name(self) -> str:
-        """Which of the networks it is."""
-        return self.weights.name
-
     def bundle(self) -> Bundle:
         """Bundle in fp32 for images of the network's size."""
         width, height = SIZE
@@ -77,7 +72,7 @@ class PoseModel:
         output = PoseOutput(self.module.unit, self.module.rotation)
         weights = self.weights
         origin = f"{weights.origin}, trained by this project, weights {weights.digest}"
-        source = Source(self.name, origin, "Apache-2.0")
+        source = Source(weights.name, origin, "Apache-2.0")
         return make_bundle("pose", {"pose": (onnx, _TENSORS)}, grey, source, pose=output)
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
@@ -96,9 +91,9 @@ class PoseModel:
         assert output is not None
         about = _ABOUT.format(
             m=manifest,
-            after=_AFTER[self.name],
+            after=_AFTER[manifest.name],
             rotation="rotation vector" if output.rotation == "vector" else "quaternion",
             parameters=sum(value.numel() for value in self.weights.state.values()) / 1e6,
         )
         limits = _LIMITS.format(scale=_SCALES[output.unit])
-        return model_card(self.name, about, _ACCURACY, self.weights.training, limits)
+        return model_card(manifest.name, about, _ACCURACY, self.weights.training, limits)

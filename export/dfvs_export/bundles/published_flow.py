@@ -12,11 +12,11 @@ from torch import Tensor, nn
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
+from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import flow_accuracy, model_card
-from dfvs_export.bundles.manifest import Source, make_bundle
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace_published
-from dfvs_export.weights.published import ForeignWeights, load_foreign
+from dfvs_export.weights.published import load_foreign
 from dfvs_models.bundle import Bundle
 from dfvs_models.evaluation import LevelScore
 
@@ -45,23 +45,23 @@ class PairGraph(nn.Module):
 
 @dataclass(frozen=True, slots=True)
 class PublishedFlow:
-    """A network of ptlflow; a ``MatchingNetwork``."""
+    """A network of ptlflow."""
 
     name: str
     graph: PairGraph
-    weights: ForeignWeights
+    source: str | None = None
 
     @classmethod
-    def load(cls, name: str, weights: ForeignWeights) -> PublishedFlow:
-        """Build the network and load its weights; see ``load_foreign`` for what is raised."""
-        return cls(name, PairGraph(load_foreign(name, weights)).eval(), weights)
+    def load(cls, name: str, source: str | None = None, digest: str | None = None) -> PublishedFlow:
+        """Build the network and load its weights; see ``load_foreign``."""
+        return cls(name, PairGraph(load_foreign(name, source, digest)).eval(), source)
 
     @property
     def origin(self) -> str:
         """Where the weights come from, in words."""
-        if self.weights.source is None:
+        if self.source is None:
             return "RANDOM weights, only to try out"
-        return f"weights {self.weights.source}"
+        return f"weights {self.source}"
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px.
@@ -83,7 +83,7 @@ class PublishedFlow:
         return make_bundle("pair", graphs, images, source, flow=FlowOutput())
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
-        """How far the flow of ONNX Runtime is from torch's, at every pixel."""
+        """How far the flow of ONNX Runtime is from torch's, px, at every pixel."""
         sides = [runner.encode(image) for image in pair]
         (flow,) = runner.match(*sides)
         with torch.no_grad():

@@ -1,7 +1,5 @@
 """Running a bundle's graphs once, to check, to calibrate and to time them."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
@@ -26,16 +24,10 @@ class BundleRunner:
     """
 
     def __init__(self, bundle: Bundle, threads: int = 2) -> None:
-        manifest = bundle.manifest
         self.bundle = bundle
         self._graphs = {
-            role: OnnxGraph(
-                bundle.graph(role),
-                graph.file,
-                Execution(threads),
-                FREE_AXES if role == "match" else (),
-            )
-            for role, graph in manifest.graphs.items()
+            role: OnnxGraph(bundle, role, Execution(threads), FREE_AXES if role == "match" else ())
+            for role in bundle.manifest.graphs
         }
 
     def tensor(self, image: ImageArray) -> Float32Array:
@@ -55,16 +47,14 @@ class BundleRunner:
             return inputs
         if manifest.kind == "mono":
             return inputs[: len(manifest.graphs["mono"].inputs)]
-        return self._graphs["encode"].run([tensor], manifest.graphs["encode"].outputs)
+        return self._graphs["encode"].run([tensor])
 
     def match(self, first: list[Float32Array], second: list[Float32Array]) -> list[Float32Array]:
         """Outputs of the last graph, from what ``encode`` gave of two images.
 
         Of a ``mono`` bundle: the first one's depth.
         """
-        role = self.last_role
-        outputs = self.bundle.manifest.graphs[role].outputs
-        return self._graphs[role].run(list(self.feeds(first, second).values()), outputs)
+        return self._graphs[self.last_role].run(list(self.feeds(first, second).values()))
 
     @property
     def last_role(self) -> str:
@@ -74,7 +64,7 @@ class BundleRunner:
 
     def feeds(
         self, first: list[Float32Array], second: list[Float32Array]
-    ) -> Mapping[str, Float32Array]:
+    ) -> dict[str, Float32Array]:
         """Name what goes into the last graph, from what ``encode`` gave of two images."""
         manifest = self.bundle.manifest
         if manifest.kind == "encode-match":

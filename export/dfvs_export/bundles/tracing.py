@@ -1,14 +1,19 @@
-"""Tracing of networks to ONNX files."""
+"""Tracing of networks to ONNX files, and rounding of their weights, which compress better then."""
 
 import io
 import warnings
 
+import numpy as np
+import onnx
 import torch
+from onnx import TensorProto, numpy_helper
 from torch import Tensor, nn
 
 from dfvs_core.errors import ModelError
 
 OPSET = 17
+_SIGNIFICANT_BITS = 17
+"""Of 24; the others are zeros (docs/experiments/networks.md, rounded weights)."""
 TensorNames = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of a graph's inputs and outputs."""
 
@@ -57,3 +62,15 @@ def trace_published(
         raise ModelError(
             f"{name} cannot be exported: {reason}", "operators that ONNX has"
         ) from error
+
+
+def round_weights(data: bytes) -> bytes:
+    """ONNX file of the graph with its float32 weights rounded to 17 significant bits."""
+    model = onnx.load_from_string(data)
+    for tensor in model.graph.initializer:
+        if tensor.data_type == TensorProto.FLOAT:
+            mantissa, exponent = np.frexp(numpy_helper.to_array(tensor))
+            whole = np.rint(np.ldexp(mantissa, _SIGNIFICANT_BITS))
+            rounded = np.ldexp(whole, exponent - _SIGNIFICANT_BITS)
+            tensor.CopyFrom(numpy_helper.from_array(rounded, tensor.name))
+    return bytes(model.SerializeToString())

@@ -25,9 +25,9 @@ def error_ratios(
 def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
     """Score a network on pairs with exact flow, by level of motion."""
     scores = FlowScores()
-    for first, second, flow, visible, level in pairs:
-        found = matcher.match(matcher.encode(first), matcher.encode(second))
-        scores.add(found, flow, visible, int(level))
+    for k, level in enumerate(pairs.level):
+        found = matcher.match(matcher.encode(pairs.current[k]), matcher.encode(pairs.other[k]))
+        scores.add(found, pairs.flow[k], pairs.visible[k], int(level))
     return scores.means()
 
 

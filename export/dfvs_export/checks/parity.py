@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
 
-from dfvs_export.bundles.network import TorchNetwork
+from dfvs_core.geometry.arrays import Float32Array
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 
 PARITY_LIMIT = 1e-3
@@ -17,13 +18,19 @@ _LARGEST_BLOB = 0.15
 """Of the image's width."""
 
 
+class TorchNetwork(Protocol):
+    """A network in torch with its weights."""
+
+    def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far what ONNX Runtime gives of a pair is from what torch gives (N,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Parity:
     """Differences between torch and ONNX Runtime over some pairs, in the network's unit."""
 
     greatest: float
     mean: float
-    pairs: int
 
     @property
     def holds(self) -> bool:
@@ -61,6 +68,5 @@ def _drawn_pair(size: tuple[int, int], rng: np.random.Generator) -> ImagePair:
 
 def parity(network: TorchNetwork, runner: BundleRunner, pairs: Iterable[ImagePair]) -> Parity:
     """Compare torch with ONNX Runtime on pairs, one or more."""
-    found = [network.differences(runner, pair) for pair in pairs]
-    everything = np.concatenate(found)
-    return Parity(float(everything.max()), float(everything.mean()), len(found))
+    everything = np.concatenate([network.differences(runner, pair) for pair in pairs])
+    return Parity(float(everything.max()), float(everything.mean()))

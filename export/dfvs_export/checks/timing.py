@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from dfvs_common.child import end_worker_with_parent
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
 from dfvs_export.bundles.runner import BundleRunner
 from dfvs_models.bundle import read_bundle
@@ -60,14 +61,8 @@ class BenchResult:
     p99_ms: float
     resident_mb: float
 
-    def as_json(self) -> dict[str, object]:
-        """Plain data."""
-        return asdict(self)
 
-
-def bench(
-    folders: Sequence[Path], plan: BenchPlan, log: Callable[[str], None]
-) -> list[BenchResult]:
+def bench(folders: Sequence[Path], plan: BenchPlan) -> list[BenchResult]:
     """Measure bundles; round by round every bundle has its turn, so that all meet the same load.
 
     Raises
@@ -77,7 +72,7 @@ def bench(
     """
     precisions = [_precision(folder, plan.size) for folder in folders]
     try:
-        times, memory = _rounds(folders, plan, log)
+        times, memory = _rounds(folders, plan)
     except BrokenProcessPool as error:
         raise ModelError("a measuring process ended by itself") from error
     return [
@@ -105,9 +100,7 @@ def _precision(folder: Path, size: tuple[int, int]) -> str:
     return manifest.precision
 
 
-def _rounds(
-    folders: Sequence[Path], plan: BenchPlan, log: Callable[[str], None]
-) -> tuple[list[list[float]], list[float]]:
+def _rounds(folders: Sequence[Path], plan: BenchPlan) -> tuple[list[list[float]], list[float]]:
     """Seconds of every bundle's runs, and the most memory that its process held, MB."""
     context = multiprocessing.get_context("spawn")
     with contextlib.ExitStack() as stack:

@@ -2,9 +2,9 @@
 
 import argparse
 import json
+from dataclasses import asdict
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.progress import log
 from dfvs_export.checks.timing import BenchPlan, bench
 from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
@@ -19,13 +19,13 @@ def run_bench(arguments: argparse.Namespace) -> int:
         If a bundle cannot be used, or the results cannot be written.
     """
     plan = BenchPlan(network_size(arguments.size), arguments.threads, arguments.runs)
-    results = bench([bundle_folder(name) for name in arguments.bundles], plan, log)
+    results = bench([bundle_folder(name) for name in arguments.bundles], plan)
     for r in results:
         print(
             f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"
             f"  {r.resident_mb:7.1f} MB"
         )
     if arguments.json:
-        text = json.dumps([r.as_json() for r in results], indent=2) + "\n"
+        text = json.dumps([asdict(r) for r in results], indent=2) + "\n"
         replace_file(arguments.json, text.encode())
     return 0

@@ -1,20 +1,25 @@
 """What ``dfvs-export check`` does."""
 
 import argparse
+import io
 import json
+from collections import Counter
+from collections.abc import Mapping
+
+import onnx
 
 from dfvs_common.progress import log
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.matching.matcher import Matcher
 from dfvs_export.bundles.depth import MODELS
-from dfvs_export.bundles.network import TorchNetwork
 from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.pose import PoseModel
 from dfvs_export.checks.accuracy import MOST_ERROR_RATIO, accuracy, accuracy_figures, error_ratios
-from dfvs_export.checks.operators import operators
+from dfvs_export.checks.parity import TorchNetwork
 from dfvs_export.commands.comparison import compare_with_torch
 from dfvs_export.commands.depth import named_depth_model
 from dfvs_export.commands.flow import named_matching_network
+from dfvs_export.weights.flow import load_weights
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import bundle_folder, network_matcher
 from dfvs_models.depth import DepthNetwork
@@ -55,6 +60,30 @@ def run_check(arguments: argparse.Namespace) -> int:
     return 0 if holds else 1
 
 
+def operators(contents: Mapping[str, bytes]) -> Counter[str]:
+    """Count the operators of all ONNX files.
+
+    Raises
+    ------
+    ModelError
+        If a file is not valid ONNX, or uses operators outside ONNX's own.
+    """
+    counts: Counter[str] = Counter()
+    for name, data in contents.items():
+        if not name.endswith(".onnx"):
+            continue
+        model = onnx.load_model(io.BytesIO(data))
+        try:
+            onnx.checker.check_model(model)
+        except onnx.checker.ValidationError as error:
+            raise ModelError(f"{name} is not valid ONNX: {error}") from error
+        foreign = {node.domain for node in model.graph.node} - {"", "ai.onnx"}
+        if foreign:
+            raise ModelError(f"{name} uses operators of {sorted(foreign)}", "ONNX's own only")
+        counts.update(node.op_type for node in model.graph.node)
+    return counts
+
+
 def _check_options(arguments: argparse.Namespace, kind: str) -> None:
     """Refuse options that are of another kind of bundle."""
     if kind in _NOT_FLOW and (arguments.pairs or arguments.reference):
@@ -82,7 +111,7 @@ def _named_network(arguments: argparse.Namespace, bundle: Bundle) -> TorchNetwor
             return PoseModel.load(arguments.checkpoint)
         return "name the weights (--checkpoint)"
     is_named = arguments.checkpoint is not None or arguments.model != NAME
-    if is_named or bundle.manifest.origin == OwnFlow.load(None).origin:
+    if is_named or bundle.manifest.origin == OwnFlow(load_weights(None)).origin:
         return named_matching_network(arguments)
     return "weights that were not named (--checkpoint, --model)"
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_export.bundles.network import TorchNetwork
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
-from dfvs_export.checks.parity import Parity, drawn_pairs, parity
+from dfvs_export.checks.parity import Parity, TorchNetwork, drawn_pairs, parity
 from dfvs_export.precision.calibration import read_frames
 from dfvs_models.bundle import Bundle
 

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Mapping
 
 from dfvs_common.progress import log
+from dfvs_export.bundles.bundle import check_free, write_bundle
 from dfvs_export.bundles.depth import OWN, DepthModel, Spreads
-from dfvs_export.bundles.folder import check_free, described, write_bundle
 from dfvs_export.commands.comparison import (
     agrees_with_torch,
     calibration_frames,
@@ -47,7 +47,7 @@ def run_depth(arguments: argparse.Namespace) -> int:
     paths = labelled(arguments.pairs)
     measured = {label: measure_depth(network, path) for label, path in paths.items()}
     card = model.card(bundle.manifest, measured)
-    write_bundle(arguments.out, described(bundle, card, _figures(measured)))
+    write_bundle(arguments.out, bundle, card, _figures(measured))
     if arguments.model != OWN and _weights(arguments).is_random:
         print("warning: these weights are random; name --checkpoint or --from to use the network")
     print(f"wrote {arguments.out}")

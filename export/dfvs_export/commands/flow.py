@@ -5,15 +5,14 @@ from pathlib import Path
 
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_export.bundles.folder import check_free, described, write_bundle
-from dfvs_export.bundles.network import MatchingNetwork
+from dfvs_export.bundles.bundle import check_free, write_bundle
 from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.published_flow import PREFIX, PublishedFlow
 from dfvs_export.checks.accuracy import accuracy, accuracy_figures
 from dfvs_export.commands.comparison import calibration_frames, check_calibration
 from dfvs_export.commands.network_size import network_size
 from dfvs_export.precision.conversion import in_precision
-from dfvs_export.weights.published import ForeignWeights
+from dfvs_export.weights.flow import load_weights
 from dfvs_models.catalog import network_matcher
 from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_models.onnx_session import Execution
@@ -46,14 +45,14 @@ def run_flow(arguments: argparse.Namespace) -> int:
         log(f"measuring accuracy on {arguments.pairs}")
         scores = accuracy(network_matcher(bundle, Execution()), pairs)
     card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
-    write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))
+    write_bundle(arguments.out, bundle, card, accuracy_figures(scores))
     if arguments.model != NAME and arguments.weights is None and arguments.checkpoint is None:
         print("warning: these weights are random; name --weights to use the network")
     print(f"wrote {arguments.out}")
     return 0
 
 
-def named_matching_network(arguments: argparse.Namespace) -> MatchingNetwork:
+def named_matching_network(arguments: argparse.Namespace) -> OwnFlow | PublishedFlow:
     """Load the network that ``--model`` and the weights name.
 
     Raises
@@ -65,7 +64,7 @@ def named_matching_network(arguments: argparse.Namespace) -> MatchingNetwork:
     if arguments.model == NAME:
         if weights is not None or digest is not None:
             raise ConfigError(f"--weights or --sha256 for {NAME}", "--checkpoint FILE.pt")
-        return OwnFlow.load(checkpoint)
+        return OwnFlow(load_weights(checkpoint))
     if not arguments.model.startswith(PREFIX):
         raise ConfigError(f"model {arguments.model!r}", f"{NAME!r} or '{PREFIX}NAME'")
     if checkpoint is not None and weights is not None:
@@ -73,5 +72,4 @@ def named_matching_network(arguments: argparse.Namespace) -> MatchingNetwork:
     if checkpoint is not None and not checkpoint.is_file():
         raise ConfigError(f"no checkpoint at {checkpoint}", "a file")
     source = weights if checkpoint is None else str(checkpoint)
-    name = arguments.model.removeprefix(PREFIX)
-    return PublishedFlow.load(name, ForeignWeights(source, digest))
+    return PublishedFlow.load(arguments.model.removeprefix(PREFIX), source, digest)

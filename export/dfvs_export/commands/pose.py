@@ -3,7 +3,7 @@
 import argparse
 
 from dfvs_common.progress import log
-from dfvs_export.bundles.folder import check_free, described, write_bundle
+from dfvs_export.bundles.bundle import check_free, write_bundle
 from dfvs_export.bundles.pose import PoseModel
 from dfvs_export.commands.comparison import agrees_with_torch
 from dfvs_models.onnx_session import Execution
@@ -20,11 +20,11 @@ def run_pose(arguments: argparse.Namespace) -> int:
     """
     check_free(arguments.out)
     model = PoseModel.load(arguments.checkpoint)
-    log(f"tracing {model.name}")
+    log(f"tracing {model.weights.name}")
     bundle = model.bundle()
     if not agrees_with_torch(model, bundle):
         return 1
     PoseNetwork(bundle, Execution())  # as the benchmark loads it: shapes, numbers
-    write_bundle(arguments.out, described(bundle, model.card(bundle.manifest), {}))
+    write_bundle(arguments.out, bundle, model.card(bundle.manifest), {})
     print(f"wrote {arguments.out}")
     return 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib
+from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
-
-from dfvs_export.commands.deferred import training
 
 
 def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -22,7 +23,7 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
-    train.set_defaults(run=training("flow", "train", "FlowTrainSettings"))
+    train.set_defaults(run=_training("flow", "train", "FlowTrainSettings"))
 
 
 def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,7 +45,7 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
         help="checkpoint, or the wheel of ImageNet's encoder",
     )
     add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
-    train.set_defaults(run=training("depth", "train_depth", "DepthTrainSettings"))
+    train.set_defaults(run=_training("depth", "train_depth", "DepthTrainSettings"))
 
 
 def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -66,7 +67,7 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
         metavar="FILE",
         help="checkpoint to go on from; of bateux, else the wheel of ImageNet's encoder",
     )
-    train.set_defaults(run=training("pose", "train_pose", "PoseTrainSettings"))
+    train.set_defaults(run=_training("pose", "train_pose", "PoseTrainSettings"))
 
 
 def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
@@ -78,3 +79,16 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
     add("--learning-rate", type=float, default=learning_rate)
     add("--seed", type=int, default=0)
     add("--threads", type=int, default=2)
+
+
+def _training(module: str, name: str, settings: str) -> Callable[[argparse.Namespace], int]:
+    """Function ``name`` of a module of trainings; its settings come from options of their names."""
+
+    def run(arguments: argparse.Namespace) -> int:
+        found = importlib.import_module(f"dfvs_export.training.{module}")
+        kind = getattr(found, settings)
+        getattr(found, name)(kind(**{f.name: getattr(arguments, f.name) for f in fields(kind)}))
+        print(f"wrote {arguments.out}")
+        return 0
+
+    return run

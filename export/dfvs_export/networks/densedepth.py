@@ -115,11 +115,6 @@ class DenseDepth(nn.Module):
         )
         self.head = nn.Conv2d(filters >> len(skips), 1, 3, padding=1)
 
-    @property
-    def head_bias(self) -> Tensor:
-        """Bias of the last convolution."""
-        return self.get_parameter("head.bias")
-
     def forward(self, image: Tensor) -> Tensor:
         """Inverse depth within the range of the training."""
         *skips, deepest = self.encoder(image)

@@ -13,6 +13,9 @@ from torch.nn import functional
 
 from dfvs_export.networks.xfeat import Keypoints
 
+LAYERS = 6
+_WIDTH, _INPUTS = 96, 64
+"""Channels of its features, and of the descriptors that go in."""
 _MASKED = -1e4
 
 
@@ -35,16 +38,14 @@ class LighterGlue(nn.Module):
         (width, height) px of the images that the points lie in.
     """
 
-    def __init__(
-        self, size: tuple[int, int], width: int = 96, inputs: int = 64, layers: int = 6
-    ) -> None:
+    def __init__(self, size: tuple[int, int]) -> None:
         super().__init__()
         self.size = size
-        self.input_proj = nn.Linear(inputs, width)
-        self.frequencies = nn.Linear(2, width // 2, bias=False)
-        self.layers = nn.ModuleList(_Layer(width) for _ in range(layers))
-        self.final_proj = nn.Linear(width, width)
-        self.matchability = nn.Linear(width, 1)
+        self.input_proj = nn.Linear(_INPUTS, _WIDTH)
+        self.frequencies = nn.Linear(2, _WIDTH // 2, bias=False)
+        self.layers = nn.ModuleList(_Layer() for _ in range(LAYERS))
+        self.final_proj = nn.Linear(_WIDTH, _WIDTH)
+        self.matchability = nn.Linear(_WIDTH, 1)
 
     def forward(self, first: Keypoints, second: Keypoints) -> Assignment:
         """Assignment after the last layer."""
@@ -97,13 +98,13 @@ def _similarity(queries: Tensor, keys: Tensor) -> Tensor:
 class _Attention(nn.Module):
     """Feed-forward layer on a point and the mean of what it attends to, added to the point."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.ffn = nn.Sequential(
-            nn.Linear(2 * width, 2 * width),
-            nn.LayerNorm(2 * width),
+            nn.Linear(2 * _WIDTH, 2 * _WIDTH),
+            nn.LayerNorm(2 * _WIDTH),
             nn.GELU(),
-            nn.Linear(2 * width, width),
+            nn.Linear(2 * _WIDTH, _WIDTH),
         )
 
     def updated(self, x: Tensor, *attended: Tensor) -> Tensor:
@@ -118,9 +119,9 @@ class _SelfAttention(_Attention):
     Channels of ``to_qk`` come in pairs that are turned: first the one of each, then the other.
     """
 
-    def __init__(self, width: int) -> None:
-        super().__init__(width)
-        self.to_qk = nn.Linear(width, 2 * width)
+    def __init__(self) -> None:
+        super().__init__()
+        self.to_qk = nn.Linear(_WIDTH, 2 * _WIDTH)
 
     def forward(
         self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]
@@ -145,9 +146,9 @@ class _SelfAttention(_Attention):
 class _CrossAttention(_Attention):
     """Attention to the points of the other image."""
 
-    def __init__(self, width: int) -> None:
-        super().__init__(width)
-        self.to_qk = nn.Linear(width, width)
+    def __init__(self) -> None:
+        super().__init__()
+        self.to_qk = nn.Linear(_WIDTH, _WIDTH)
 
     def forward(self, x: Tensor, masked: tuple[Tensor, Tensor]) -> Tensor:
         no_first, no_second = masked
@@ -161,10 +162,10 @@ class _CrossAttention(_Attention):
 
 
 class _Layer(nn.Module):
-    def __init__(self, width: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.self_attn = _SelfAttention(width)
-        self.cross_attn = _CrossAttention(width)
+        self.self_attn = _SelfAttention()
+        self.cross_attn = _CrossAttention()
 
     def forward(
         self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]

@@ -75,11 +75,6 @@ class MidasSmall(nn.Module):
             nn.ReLU(),
         )
 
-    @property
-    def head_bias(self) -> Tensor:
-        """Bias of the last convolution."""
-        return self.get_parameter("scratch.output_conv.4.bias")
-
     def forward(self, image: Tensor) -> Tensor:
         """Inverse depth, larger where it is nearer, 0 or more."""
         x, features = image, []

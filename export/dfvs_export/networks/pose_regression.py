@@ -10,7 +10,7 @@ FlowNet's pretraining. The focal length goes in beside the features, for cameras
 network is told which features of both images are most alike (as in GMFlow, Xu et al., 2022).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import torch
@@ -34,11 +34,35 @@ class PosePrediction(NamedTuple):
     rotation: Tensor
 
 
-class StackedNet(nn.Module):
+class PoseNet(nn.Module):
+    """Two images to the pose of the second camera in the first.
+
+    ``unit`` is that of the translation: m, or depths at the second image's middle.
+    """
+
+    rotation: Literal["quaternion", "vector"]
+    unit: Literal["m", "depth"]
+    head: nn.Sequential
+
+    def encode(self, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (B, N) and flow (B, 2, 9, 12) of images (B, 1, 144, 192) in -1..1."""
+        raise NotImplementedError
+
+    def regress(self, features: Tensor, flow: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose from what :meth:`encode` gives."""
+        out = self.head(torch.cat([features, flow.flatten(1), focal], dim=1))
+        return PosePrediction(out[:, :3], out[:, 3:])
+
+    def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose of images (B, 1, 144, 192) in -1..1 of a focal length (B, 1) over the width."""
+        return self.regress(*self.encode(first, second), focal)
+
+
+class StackedNet(PoseNet):
     """FlowNet's encoder with half of its channels, and batch normalisation, on stacked images."""
 
-    rotation: Literal["quaternion", "vector"] = "quaternion"
-    unit: Literal["m", "depth"] = "m"
+    rotation = "quaternion"
+    unit = "m"
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,29 +81,21 @@ class StackedNet(nn.Module):
         self.head = _head(512 * 3 * 3, 4)
 
     def encode(self, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
-        """Features (B, N) and flow (B, 2, 9, 12) of images (B, 1, 144, 192) in -1..1."""
+        """Features and flow of both images stacked."""
         x = self.begin(torch.cat([first, second], dim=1))
         return self.end(x), self.flow_head(x)
 
     def regress(self, features: Tensor, flow: Tensor, focal: Tensor) -> PosePrediction:
-        """Pose of the second camera in the first, in m."""
-        out = self.head(torch.cat([features, flow.flatten(1), focal], dim=1))
-        # a quaternion near that of no rotation, so that training starts from a valid one
-        return PosePrediction(out[:, :3], out[:, 3:] + out.new_tensor([1.0, 0.0, 0.0, 0.0]))
-
-    def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
-        """Pose of the second camera in the first.
-
-        Images (B, 1, 144, 192) are in -1..1; ``focal`` (B, 1) is the focal length over the width.
-        """
-        return self.regress(*self.encode(first, second), focal)
+        """Pose, its quaternion near that of no rotation: training starts from a valid one."""
+        translation, rotation = super().regress(features, flow, focal)
+        return PosePrediction(translation, rotation + rotation.new_tensor([1.0, 0.0, 0.0, 0.0]))
 
 
-class SiameseNet(nn.Module):
+class SiameseNet(PoseNet):
     """EfficientNet-Lite0 to 1/16 on either image, convolutions on the features of both."""
 
-    rotation: Literal["quaternion", "vector"] = "vector"
-    unit: Literal["m", "depth"] = "depth"
+    rotation = "vector"
+    unit = "depth"
 
     def __init__(self) -> None:
         super().__init__()
@@ -93,7 +109,7 @@ class SiameseNet(nn.Module):
         self.head = _head(64 * 5 * 6, 3)
 
     def encode(self, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
-        """Features (B, N) and flow (B, 2, 9, 12) of images (B, 1, 144, 192) in -1..1."""
+        """Features and flow from the features of either image."""
         both = torch.cat([first, second]).expand(-1, 3, -1, -1)
         a, b = self.encoder(both)[3].chunk(2)
         matched = self._match(a, b)
@@ -115,21 +131,8 @@ class SiameseNet(nn.Module):
         matched = torch.cat([flow, share.amax(dim=2)[:, None]], dim=1)
         return matched.reshape(-1, 3, rows, columns)
 
-    def regress(self, features: Tensor, flow: Tensor, focal: Tensor) -> PosePrediction:
-        """Pose of the second camera in the first, in depths at the second image's middle."""
-        out = self.head(torch.cat([features, flow.flatten(1), focal], dim=1))
-        return PosePrediction(out[:, :3], out[:, 3:])
 
-    def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
-        """Pose of the second camera in the first.
-
-        Images (B, 1, 144, 192) are in -1..1; ``focal`` (B, 1) is the focal length over the width.
-        """
-        return self.regress(*self.encode(first, second), focal)
-
-
-PoseNet = StackedNet | SiameseNet
-NETWORKS: Mapping[str, Callable[[], PoseNet]] = {"saxena": StackedNet, "bateux": SiameseNet}
+NETWORKS: Mapping[str, type[PoseNet]] = {"saxena": StackedNet, "bateux": SiameseNet}
 """By the names of their first authors."""
 
 

@@ -53,18 +53,16 @@ def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, l
         if manifest.kind == "encode-match":
             name = manifest.graphs["encode"].inputs[0]
             feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
-        feeds[runner.last_role].append(dict(runner.feeds(*sides)))
+        feeds[runner.last_role].append(runner.feeds(*sides))
         if manifest.kind == "mono":
             more = [runner.encode(image, focal) for image in pair for focal in _FOCALS]
-            feeds["mono"] += [dict(runner.feeds(side, side)) for side in more]
+            feeds["mono"] += [runner.feeds(side, side) for side in more]
     return feeds
 
 
 def _evenly(available: int, count: int) -> list[int]:
     """Indices of ``count`` of the available ones, or of all."""
-    if count >= available:
-        return list(range(available))
-    return [int(k) for k in np.linspace(0, available - 1, count).round()]
+    return [int(k) for k in np.linspace(0, available - 1, min(count, available)).round()]
 
 
 def _read_arrays(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -90,6 +88,4 @@ def _read_image(path: Path) -> ImageArray:
 
 
 def _sized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
-    if (image.shape[1], image.shape[0]) == size:
-        return image
     return cast(ImageArray, cv2.resize(image, size, interpolation=cv2.INTER_AREA))

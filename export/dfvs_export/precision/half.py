@@ -6,35 +6,31 @@ above all, stays float32: positions in px need more than half precision's 11 bit
 """
 
 import io
-from collections.abc import Callable
 
 import numpy as np
 import onnx
 from numpy.typing import NDArray
 from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 
+from dfvs_export.precision.heavy_nodes import heavy_nodes
+
 _LARGEST = float(np.finfo(np.float16).max)
 
 
-def to_half(data: bytes, choose: Callable[[GraphProto], list[NodeProto]]) -> bytes:
-    """ONNX file of the graph with the chosen nodes in half precision.
+def to_half(data: bytes, takes_images: bool) -> bytes:
+    """ONNX file, of one in float32, with its heavy nodes in half precision.
 
-    Parameters
-    ----------
-    data : bytes
-        ONNX file in float32.
-    choose : callable
-        Picks the nodes.
+    For ``takes_images`` see :func:`heavy_nodes`.
     """
     model = onnx.load_model(io.BytesIO(data))
     graph = model.graph
     _drop_copies(graph)
     weights = {t.name: t for t in graph.initializer if t.data_type == TensorProto.FLOAT}
-    chosen = {node.name for node in choose(graph)}
+    heavy = {node.name for node in heavy_nodes(graph, takes_images)}
     halved: set[str] = set()
     nodes: list[NodeProto] = []
     for node in graph.node:
-        if node.name not in chosen:
+        if node.name not in heavy:
             nodes.append(node)
             continue
         for index, name in enumerate(node.input):

@@ -1,6 +1,5 @@
 """Which operators of a graph bear fewer bits: those that cost time and carry features."""
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
 from onnx import GraphProto, NodeProto
@@ -29,9 +28,11 @@ def heavy_nodes(graph: GraphProto, takes_images: bool) -> list[NodeProto]:
     """
     shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
     turning = {node.name for node in graph.node if _turns_over(node, shapes)}
-    kept = _last(graph, turning)
+    backwards = ((node.name, node.output, node.input) for node in reversed(graph.node))
+    kept = _met({o.name for o in graph.output}, backwards, turning)
     if takes_images:
-        kept |= _first(graph, turning, set(shapes))
+        images = {i.name for i in graph.input} - shapes.keys()
+        kept |= _met(images, ((node.name, node.input, node.output) for node in graph.node), turning)
     return [
         node
         for node in graph.node
@@ -41,10 +42,6 @@ def heavy_nodes(graph: GraphProto, takes_images: bool) -> list[NodeProto]:
 
 def carrying_nodes(graph: GraphProto, heavy: Iterable[NodeProto]) -> list[NodeProto]:
     """Nodes on the way from one heavy node to others that can be computed in 8 bits with them."""
-    readers: dict[str, list[NodeProto]] = defaultdict(list)
-    for node in graph.node:
-        for name in node.input:
-            readers[name].append(node)
     behind = {name for node in heavy for name in node.output}
     found: list[NodeProto] = []
     for node in graph.node:  # in topological order
@@ -82,34 +79,19 @@ def _in_groups(node: NodeProto) -> bool:
     return any(a.name == "group" and a.i > 1 for a in node.attribute)
 
 
-def _first(graph: GraphProto, turning: set[str], constants: set[str]) -> set[str]:
-    """Names of the turning nodes that no other stands before."""
-    raw = {i.name for i in graph.input} - constants  # nodes are in topological order
-    found = set()
-    for node in graph.node:
-        if raw.isdisjoint(node.input):
+def _met(
+    values: set[str], ways: Iterable[tuple[str, Iterable[str], Iterable[str]]], turning: set[str]
+) -> set[str]:
+    """Names of the turning nodes that are met first on the ways that lead away from some values.
+
+    ``ways`` are all nodes in their order on them: the name, and the values on either side.
+    """
+    reached, found = set(values), set()
+    for name, near, far in ways:
+        if reached.isdisjoint(near):
             continue
-        if node.name in turning:
-            found.add(node.name)
+        if name in turning:
+            found.add(name)
         else:
-            raw.update(node.output)
+            reached.update(value for value in far if value)  # one that is left out has no name
     return found
-
-
-def _last(graph: GraphProto, turning: set[str]) -> set[str]:
-    """Names of the turning nodes that no other stands behind on some way to an output."""
-    direct = {o.name for o in graph.output}
-    found = set()
-    for node in reversed(graph.node):
-        if direct.isdisjoint(node.output):
-            continue
-        if node.name in turning:
-            found.add(node.name)
-        else:
-            direct.update(_filled(node.input))
-    return found
-
-
-def _filled(names: Iterable[str]) -> set[str]:
-    """Names but for those of inputs that a node leaves out."""
-    return {name for name in names if name}

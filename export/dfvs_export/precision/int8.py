@@ -1,13 +1,12 @@
 """Heavy operators in 8 bits: static, per channel, calibrated on frames."""
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import onnx
 from numpy.typing import NDArray
-from onnx import GraphProto, NodeProto
 from onnxruntime.quantization import (
     CalibrationDataReader,
     CalibrationMethod,
@@ -17,7 +16,7 @@ from onnxruntime.quantization import (
 )
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
-from dfvs_export.precision.heavy_nodes import carrying_nodes
+from dfvs_export.precision.heavy_nodes import carrying_nodes, heavy_nodes
 
 Feeds = dict[str, NDArray[np.float32]]
 
@@ -33,26 +32,19 @@ class _Frames(CalibrationDataReader):  # type: ignore[misc]
         return next(self._feeds, None)
 
 
-def to_int8(
-    data: bytes, choose: Callable[[GraphProto], list[NodeProto]], feeds: Sequence[Feeds]
-) -> bytes:
-    """ONNX file of the graph with the chosen nodes in 8 bits.
+def to_int8(data: bytes, takes_images: bool, feeds: Sequence[Feeds]) -> bytes:
+    """ONNX file, of one in float32, with its heavy nodes in 8 bits.
 
-    Parameters
-    ----------
-    data : bytes
-        ONNX file in float32.
-    choose : callable
-        Picks the nodes, once batch normalisation and the like are folded away.
-    feeds : sequence of dict
-        Inputs that show which range every tensor takes.
+    For ``takes_images`` see :func:`heavy_nodes`; ``feeds`` are inputs that show which range every
+    tensor takes.
     """
     with tempfile.TemporaryDirectory() as folder:
         plain, ready, done = (Path(folder) / f"{name}.onnx" for name in ("plain", "ready", "done"))
         plain.write_bytes(data)
+        # folds away batch normalisation and the like, before nodes are chosen
         quant_pre_process(str(plain), str(ready), skip_symbolic_shape=True)
         graph = onnx.load_model(str(ready)).graph
-        heavy = choose(graph)
+        heavy = heavy_nodes(graph, takes_images)
         chosen = [node.name for node in (*heavy, *carrying_nodes(graph, heavy))]
         quantize_static(
             str(ready),

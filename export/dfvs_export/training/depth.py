@@ -1,6 +1,5 @@
 """Training of dfvs-depth on views with depth."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,14 +8,11 @@ from torch import Tensor
 
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader
-from dfvs_export.training.descent import Descent, TrainSettings, drawn_ahead
-from dfvs_export.training.room_pairs import RoomFolder
+from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
 _VIEWS_PER_STEP = 8
-_ENCODER_RATE = 0.3
-"""Learning rate of the encoder in that of the decoder."""
 _STEPS_PER_REPORT = 50
 
 
@@ -27,8 +23,8 @@ class DepthTrainSettings(TrainSettings):
     frozen_blocks: int
 
 
-def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> None:
-    """Train, write a checkpoint every few hundred views, and at the end.
+def train_depth(settings: DepthTrainSettings) -> None:
+    """Train, print the loss and write a checkpoint every few hundred views, and at the end.
 
     The encoder's batch normalisation keeps its statistics.
 
@@ -37,19 +33,14 @@ def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> Non
     ConfigError, ModelError
         If there are no views, or the weights to start from cannot be used.
     """
-    torch.set_num_threads(settings.threads)
     start = load_depth_weights(settings.start)
     network = start.network()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     network.train()
     network.encoder.eval()
     network.encoder.freeze(settings.frozen_blocks)
-    rates = {
-        network.encoder: settings.learning_rate * _ENCODER_RATE,
-        network: settings.learning_rate,
-    }
-    descent = Descent(rates)
-    reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
+    rates = {network.encoder: ENCODER_RATE, network: 1.0}
+    reader = DepthViewReader(settings.pairs, settings.seed)
     batches = drawn_ahead(lambda: _batch(reader))
     losses = list[float]()
 
@@ -62,7 +53,7 @@ def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> Non
         losses.append(loss.item())
 
     def report(steps: int) -> None:
-        log(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
+        print(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}", flush=True)
         losses.clear()
 
     def save(steps: int) -> None:
@@ -71,7 +62,7 @@ def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> Non
         training = settings.history(start.training, what)
         TrainedDepth(state_of(network), start.origin, training).save(settings.out)
 
-    descent.run(settings.minutes, learn, {report: _STEPS_PER_REPORT, save: _STEPS_PER_REPORT})
+    descend(settings, rates, learn, {report: _STEPS_PER_REPORT, save: _STEPS_PER_REPORT})
 
 
 def _batch(reader: DepthViewReader) -> tuple[Tensor, Tensor, Truth]:

@@ -39,9 +39,9 @@ class DepthViewReader(RoomReader):
     def draw(self) -> DepthView:
         """Draw the next view."""
         rng = self._rng
-        room = self._rooms.draw(rng)
-        k, side = rng.integers(len(room["T"])), rng.integers(2)
-        image = view_of(room, int(k), "ab"[side])
+        room, k = self._draw_pair()
+        side = rng.integers(2)
+        image = view_of(room, k, "ab"[side])
         depth_m = room["D"][k][side].astype(np.float32)
         height, width = image.shape
         zoom = _ZOOM ** rng.uniform()

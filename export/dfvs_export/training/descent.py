@@ -15,6 +15,8 @@ from dfvs_core.errors import ConfigError
 
 T = TypeVar("T")
 
+ENCODER_RATE = 0.3
+"""Learning rate of an encoder in that of the rest of its network."""
 _WARM_UP_STEPS = 50
 _WEIGHT_DECAY = 1e-4
 
@@ -62,52 +64,42 @@ def drawn_ahead(draw: Callable[[], T]) -> Iterator[T]:
             yield batch
 
 
-class Descent:
-    """AdamW whose rate rises over the first steps and falls to 0 by a cosine.
+def descend(
+    settings: TrainSettings,
+    rates: Mapping[nn.Module, float],
+    learn: Callable[[], None],
+    every: Mapping[Callable[[int], None], int],
+) -> None:
+    """Take steps of AdamW, whose rate rises over the first ones and falls to 0 by a cosine.
 
     Parameters
     ----------
+    settings : TrainSettings
     rates : mapping
-        Learning rate by module; what an earlier module owns is not the later one's.
+        Factor on the learning rate by module; what an earlier module owns is not the later one's.
+    learn : callable
+        Adds the gradients of a step.
+    every : mapping
+        What is called with the count of steps, after so many of them and at the end.
     """
-
-    def __init__(self, rates: Mapping[nn.Module, float]) -> None:
-        groups = _groups(rates)
-        self._parameters = [p for group in groups for p in group["params"]]  # type: ignore[attr-defined]
-        self._optimiser = torch.optim.AdamW(groups, weight_decay=_WEIGHT_DECAY)
-        self._steps = 0
-
-    def run(
-        self, minutes: float, learn: Callable[[], None], every: Mapping[Callable[[int], None], int]
-    ) -> None:
-        """Take steps for some minutes.
-
-        Parameters
-        ----------
-        minutes : float
-        learn : callable
-            Adds the gradients of a step.
-        every : mapping
-            What is called with the count of steps, after so many of them and at the end.
-        """
-        began, done = time.monotonic(), 0.0
-        while done < 1.0:
-            learn()
-            self._step(done)
-            done = (time.monotonic() - began) / (60.0 * minutes)
-            for act, steps in every.items():
-                if self._steps % steps == 0 or done >= 1.0:
-                    act(self._steps)
-
-    def _step(self, done: float) -> None:
-        """Take a step with the gradients there are; ``done`` is the share of the run so far."""
-        self._steps += 1
-        factor = min(1.0, self._steps / _WARM_UP_STEPS) * 0.5 * (1.0 + math.cos(math.pi * done))
-        for group in self._optimiser.param_groups:
+    torch.set_num_threads(settings.threads)
+    groups = _groups({module: rate * settings.learning_rate for module, rate in rates.items()})
+    parameters = [p for group in groups for p in group["params"]]  # type: ignore[attr-defined]
+    optimiser = torch.optim.AdamW(groups, weight_decay=_WEIGHT_DECAY)
+    began, done, steps = time.monotonic(), 0.0, 0
+    while done < 1.0:
+        learn()
+        steps += 1
+        factor = min(1.0, steps / _WARM_UP_STEPS) * 0.5 * (1.0 + math.cos(math.pi * done))
+        for group in optimiser.param_groups:
             group["lr"] = factor * group["rate"]
-        nn.utils.clip_grad_norm_(self._parameters, 1.0)
-        self._optimiser.step()
-        self._optimiser.zero_grad()
+        nn.utils.clip_grad_norm_(parameters, 1.0)
+        optimiser.step()
+        optimiser.zero_grad()
+        done = (time.monotonic() - began) / (60.0 * settings.minutes)
+        for act, period in every.items():
+            if steps % period == 0 or done >= 1.0:
+                act(steps)
 
 
 def _groups(rates: Mapping[nn.Module, float]) -> list[dict[str, object]]:

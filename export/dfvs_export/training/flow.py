@@ -6,7 +6,6 @@ Views are augmented on their own, and one of two is turned by the angle that the
 turn it by. While the encoder stays as it is, encoded pairs are kept and learnt from again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,15 +14,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.training.descent import Descent, TrainSettings
-from dfvs_export.training.room_pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
+from dfvs_export.networks.xfeat import Keypoints
+from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend
+from dfvs_export.training.room_pairs import SIZE, PairReader, TrueMatches, true_matches
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.flow import Weights, load_weights
 
 _PAIRS_PER_STEP = 8
-_ENCODER_RATE = 0.3
-"""Learning rate of the encoder in that of the matcher."""
 _STEPS_PER_REPORT = 50
 _LEAST_MATCHES = 4
 _UNMATCHED_WEIGHT = 0.5
@@ -51,39 +48,34 @@ class FlowTrainSettings(TrainSettings):
     POSITIVE = (*TrainSettings.POSITIVE, "keypoints")
 
 
-def train(settings: FlowTrainSettings, log: Callable[[str], None]) -> None:
-    """Train, write a checkpoint every few hundred pairs, and at the end.
+def train(settings: FlowTrainSettings) -> None:
+    """Train, print the loss and write a checkpoint every few hundred pairs, and at the end.
 
     Raises
     ------
     ConfigError, ModelError
         If there are no pairs, or the weights to start from cannot be used.
     """
-    torch.set_num_threads(settings.threads)
     run = _Run(settings, load_weights(settings.start))
-    run.descent.run(
-        settings.minutes,
-        run.learn,
-        {lambda _: log(run.report()): _STEPS_PER_REPORT, lambda _: run.save(): _STEPS_PER_REPORT},
+    descend(
+        settings, run.rates, run.learn, {run.report: _STEPS_PER_REPORT, run.save: _STEPS_PER_REPORT}
     )
 
 
 class _Run:
-    """Networks in training, their optimiser, and the figures since the last report."""
+    """Networks in training, and the figures since the last report."""
 
     def __init__(self, settings: FlowTrainSettings, start: Weights) -> None:
         self._settings, self._start = settings, start
-        self._reader = PairReader(RoomFolder(settings.pairs), settings.seed)
+        self._reader = PairReader(settings.pairs, settings.seed)
         self._rng = np.random.default_rng([settings.seed, 1])
         self._kept: list[EncodedPair] = []
         self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)
         self._encoder.requires_grad_(False)
-        blocks = _last_blocks(self._encoder)[: settings.encoder_blocks]
-        for block in blocks:
+        e = self._encoder
+        for block in (e.block_fusion, e.block5, e.block4, e.block3)[: settings.encoder_blocks]:
             block.requires_grad_(True)
-        rate = settings.learning_rate
-        self.descent = Descent({self._matcher: rate, self._encoder: _ENCODER_RATE * rate})
-        self.pairs = 0
+        self.rates = {self._matcher: 1.0, self._encoder: ENCODER_RATE}
         self._figures: list[tuple[float, int, int, int]] = []
 
     def _draw(self) -> EncodedPair:
@@ -108,7 +100,6 @@ class _Run:
 
     def _learn_from(self, pair: EncodedPair) -> None:
         """Add the gradient of one pair."""
-        self.pairs += 1
         truth = pair.truth
         with torch.autocast("cpu", torch.bfloat16):
             features = self._matcher.attend(pair.first, pair.second)
@@ -130,16 +121,17 @@ class _Run:
             right = int(np.sum(partner == truth.second))
             self._figures.append((loss.item(), len(truth.first), right, 1))
 
-    def report(self) -> str:
-        """One line about the pairs since the last report."""
+    def report(self, steps: int) -> None:
+        """Print a line about the pairs since the last report."""
         loss, true, right, count = np.sum(self._figures, axis=0) if self._figures else (0, 1, 0, 1)
         self._figures.clear()
-        return f"{self.pairs} pairs: loss {loss / count:.3f}, {right / max(true, 1):.1%} right"
+        told = f"loss {loss / count:.3f}, {right / max(true, 1):.1%} right"
+        print(f"{_PAIRS_PER_STEP * steps} pairs: {told}", flush=True)
 
-    def save(self) -> None:
+    def save(self, steps: int) -> None:
         """Write the checkpoint."""
         blocks = f"{self._settings.encoder_blocks} encoder blocks trained"
-        what = f"{self.pairs} wide-baseline pairs of rooms, {blocks}"
+        what = f"{_PAIRS_PER_STEP * steps} wide-baseline pairs of rooms, {blocks}"
         training = self._settings.history(self._start.training, what)
         origin = "XFeat and LighterGlue as published, trained on by this project"
         states = state_of(self._encoder), state_of(self._matcher)
@@ -149,8 +141,3 @@ class _Run:
         with torch.set_grad_enabled(self._settings.encoder_blocks > 0):
             found: Keypoints = self._encoder(torch.from_numpy(image)[None, None])
         return found
-
-
-def _last_blocks(encoder: XFeat) -> list[torch.nn.Module]:
-    """Blocks of the encoder from the last one backwards."""
-    return [encoder.block_fusion, encoder.block5, encoder.block4, encoder.block3]

@@ -56,9 +56,8 @@ class PlanarPoseReader(RoomReader):
         return PosePair(first, second, focal, T, flow)
 
     def _photograph(self) -> ImageArray:
-        room = self._rooms.draw(self._rng)
-        k, side = self._rng.integers(len(room["T"])), "ab"[self._rng.integers(2)]
-        image = view_of(room, int(k), side)
+        room, k = self._draw_pair()
+        image = view_of(room, k, "ab"[self._rng.integers(2)])
         return cast(ImageArray, cv2.resize(image, _TEXTURE_PX, interpolation=cv2.INTER_AREA))
 
     def _perturbed(self, view: ImageArray) -> Float32Array:

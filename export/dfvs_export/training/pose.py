@@ -1,6 +1,6 @@
 """Training of the networks that regress poses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,23 +12,20 @@ from torch.nn import functional
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import quaternion_from_rotation, so3_log
 from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, SiameseNet
-from dfvs_export.training.descent import Descent, TrainSettings, drawn_ahead
+from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
 from dfvs_export.training.planar_pairs import PlanarPoseReader
-from dfvs_export.training.pose_pairs import PosePairReader, RoomPoseReader
-from dfvs_export.training.room_pairs import RoomFolder
+from dfvs_export.training.pose_pairs import RoomPoseReader
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.pose import TrainedPose, starting_weights
 
 _PAIRS_PER_STEP = 16
 _FROZEN_BLOCKS = 5
-_ENCODER_RATE = 0.3
-"""Learning rate of the encoder in that of the rest."""
 _STEPS_PER_REPORT, _STEPS_PER_CHECKPOINT = 25, 200
 _ROTATION_WEIGHT = {"quaternion": 4.0, "vector": 1.0}
 """Of the error of the rotation beside that of the translation."""
 _FLOW_WEIGHT = 2.0
 
-_READERS: Mapping[str, tuple[Callable[[RoomFolder, int], PosePairReader], str]] = {
+_READERS: Mapping[str, tuple[type[RoomPoseReader | PlanarPoseReader], str]] = {
     "saxena": (RoomPoseReader, "pairs of views of rooms"),
     "bateux": (PlanarPoseReader, "pairs of views of a plane with a view of a room on it"),
 }
@@ -52,7 +49,7 @@ class _Batch(NamedTuple):
     flow: Tensor
 
 
-def train_pose(settings: PoseTrainSettings, log: Callable[[str], None]) -> None:
+def train_pose(settings: PoseTrainSettings) -> None:
     """Train, write a checkpoint every 200 steps, and at the end.
 
     The encoder of ImageNet keeps its first blocks and the statistics of its normalisation.
@@ -62,21 +59,19 @@ def train_pose(settings: PoseTrainSettings, log: Callable[[str], None]) -> None:
     ConfigError, ModelError
         If there are no pairs, or the weights to start from cannot be used.
     """
-    torch.set_num_threads(settings.threads)
     start = starting_weights(settings.network, settings.start)
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     make_reader, what = _READERS[settings.network]
-    reader = make_reader(RoomFolder(settings.pairs), settings.seed)
+    reader = make_reader(settings.pairs, settings.seed)
     batches = drawn_ahead(lambda: _batch(reader, network))
-    descent = Descent(_rates(network, settings.learning_rate))
-    _to_training(network)
     errors = list[tuple[float, float, float]]()
 
     def report(steps: int) -> None:
         t, r, flow = np.mean(errors, axis=0)
-        log(
+        print(
             f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
-            f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths"
+            f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths",
+            flush=True,
         )
         errors.clear()
 
@@ -85,24 +80,22 @@ def train_pose(settings: PoseTrainSettings, log: Callable[[str], None]) -> None:
         weights = TrainedPose(settings.network, state_of(network), start.origin, training)
         weights.save(settings.out)
 
-    descent.run(
-        settings.minutes,
+    descend(
+        settings,
+        _begin_training(network),
         lambda: errors.append(_learn(network, next(batches))),
         {report: _STEPS_PER_REPORT, save: _STEPS_PER_CHECKPOINT},
     )
 
 
-def _rates(network: PoseNet, rate: float) -> dict[torch.nn.Module, float]:
-    if isinstance(network, SiameseNet):
-        network.encoder.freeze(_FROZEN_BLOCKS)
-        return {network.encoder: _ENCODER_RATE * rate, network: rate}
-    return {network: rate}
-
-
-def _to_training(network: PoseNet) -> None:
+def _begin_training(network: PoseNet) -> dict[torch.nn.Module, float]:
+    """Let a network learn, but for the first blocks of an encoder; rates of learning by module."""
     network.train()
-    if isinstance(network, SiameseNet):
-        network.encoder.eval()
+    if not isinstance(network, SiameseNet):
+        return {network: 1.0}
+    network.encoder.eval()
+    network.encoder.freeze(_FROZEN_BLOCKS)
+    return {network.encoder: ENCODER_RATE, network: 1.0}
 
 
 def _learn(network: PoseNet, batch: _Batch) -> tuple[float, float, float]:
@@ -137,7 +130,7 @@ def _distance(a: Tensor, b: Tensor) -> Tensor:
     return mean
 
 
-def _batch(reader: PosePairReader, network: PoseNet) -> _Batch:
+def _batch(reader: RoomPoseReader | PlanarPoseReader, network: PoseNet) -> _Batch:
     pairs = [reader.draw() for _ in range(_PAIRS_PER_STEP)]
     rotation_of = quaternion_from_rotation if network.rotation == "quaternion" else so3_log
     poses = [pair.T_first_second for pair in pairs]

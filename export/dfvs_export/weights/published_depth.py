@@ -10,8 +10,8 @@ from dfvs_core.errors import ModelError
 from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth_anything import WEIGHTS_NAME, DepthAnything
 from dfvs_export.networks.midas_small import MidasSmall
-from dfvs_export.weights.checkpoint import fill
-from dfvs_export.weights.published import checked_digest, read_state
+from dfvs_export.weights.checkpoint import checked_digest, fill
+from dfvs_export.weights.published import read_state
 
 DENSE, ANYTHING, MIDAS = "densedepth", "depth-anything-v2-small", "midas-small"
 
@@ -41,17 +41,12 @@ class DepthWeights:
 
 
 def _dense(weights: DepthWeights) -> nn.Module:
-    network = DenseDepth()
-    if weights.checkpoint is None:
-        nn.init.constant_(network.head_bias, 3.0)  # within the range that it is limited to
-    return _filled(network, weights)
+    return _filled(DenseDepth(), weights, "head.bias", 3.0)  # within the range of its output
 
 
 def _midas(weights: DepthWeights) -> nn.Module:
     network = MidasSmall()
-    if weights.checkpoint is None:
-        nn.init.constant_(network.head_bias, 1.0)  # below 0 nothing would be left
-    return _filled(network, weights)
+    return _filled(network, weights, "scratch.output_conv.4.bias", 1.0)  # cut off below 0
 
 
 def _anything(weights: DepthWeights) -> nn.Module:
@@ -68,10 +63,11 @@ LOADERS: Mapping[str, Callable[[DepthWeights], nn.Module]] = {
 }
 
 
-def _filled(network: nn.Module, weights: DepthWeights) -> nn.Module:
-    """The network with the weights of a published checkpoint, if one is named."""
+def _filled(network: nn.Module, weights: DepthWeights, bias: str, drawn: float) -> nn.Module:
+    """The network with published weights, or where none are named with ``bias`` set to a value."""
     path = weights.checkpoint
     if path is None:
+        nn.init.constant_(network.get_parameter(bias), drawn)
         return network
     state = read_state(_read(path, weights.sha256), path.name)
     fill(network, state, f"{path} does not fit the network", "weights for it")

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import torch
 
 from dfvs_export.cli import main
 from dfvs_rooms.pairs.files import write_arrays
@@ -19,6 +20,20 @@ def folder(tmp_path_factory):
     sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
     write_arrays(out / "room.npz", sampler.arrays(4))
     return out
+
+
+@pytest.fixture
+def trained(folder, capsys):
+    """Run a training of one step on those pairs; what it prints. Gives torch its threads back."""
+    threads = torch.get_num_threads()
+
+    def trained(*words):
+        more = ("--pairs", folder, "--minutes", "0.001", "--threads", "1")
+        assert main([*map(str, (*words, *more))]) == 0
+        return capsys.readouterr().out
+
+    yield trained
+    torch.set_num_threads(threads)
 
 
 @pytest.fixture
@@ -45,12 +60,3 @@ def refused_at_last(capsys):
         return error
 
     return refused_at_last
-
-
-@pytest.fixture
-def _same_threads():
-    """Give torch its threads back after a training."""
-    torch = pytest.importorskip("torch")
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from dfvs_core.geometry.camera import CameraModel
+from dfvs_export.bundles.bundle import CARD_NAME
 from dfvs_export.bundles.depth import DepthModel, Spreads
-from dfvs_export.bundles.folder import CARD_NAME
 from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch
@@ -68,7 +68,7 @@ def needs(package):
     return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs-lab[published-depth]")
 
 
-def test_files_of_one_name_are_each_measured_for_the_card(own, tmp_path):
+def test_files_of_one_name_are_each_measured_for_the_card(own, tmp_path, capsys):
     files = [tmp_path / name / "room.npz" for name in "ab"]
     for file in files:
         file.parent.mkdir()
@@ -77,17 +77,15 @@ def test_files_of_one_name_are_each_measured_for_the_card(own, tmp_path):
     assert main(["depth", *words, "--pairs", *map(str, files)]) == 0
     card = (tmp_path / "bundle" / CARD_NAME).read_text(encoding="utf-8")
     assert [str(file) in card for file in files] == [True, True]
+    assert "random" not in capsys.readouterr().out
 
 
-def test_our_network_becomes_a_bundle_that_the_service_loads(own, weights, tmp_path, capsys):
-    out = tmp_path / "bundle"
-    assert main(["depth", *own, "--out", str(out)]) == 0
-    manifest = read_bundle(out).manifest
+def test_our_network_becomes_a_bundle_that_the_service_loads(converted, weights):
+    manifest = read_bundle(converted).manifest
     assert manifest.graphs["mono"].inputs == ("image", "focal")
     assert manifest.depth is not None
     assert (manifest.depth.unit, manifest.depth.stride) == ("1/m", 2)
-    assert "random" not in capsys.readouterr().out
-    network = load_depth("fused", str(out))
+    network = load_depth("fused", str(converted))
     camera = CameraModel.from_horizontal_fov(320, 240, 1.2)
     image = drawn_pairs((320, 240), 1, 5)[0][0]
     found = network.estimate(image, camera)

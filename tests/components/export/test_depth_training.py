@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 
 from dfvs_core.errors import ModelError
 from dfvs_export.networks.depth import DepthNet, Prediction
-from dfvs_export.training.depth import DepthTrainSettings, train_depth
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader, normals_of
-from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
 FOCAL = 0.6
@@ -52,11 +47,11 @@ def test_a_step_in_depth_has_no_normal():
 
 
 def test_the_depth_of_most_of_a_view_is_known(folder):
-    assert (DepthViewReader(RoomFolder(folder), 1).draw().depth_m > 0).mean() > 0.5
+    assert (DepthViewReader(folder, 1).draw().depth_m > 0).mean() > 0.5
 
 
 def test_a_view_that_is_zoomed_in_has_a_longer_focal_length(folder):
-    reader = DepthViewReader(RoomFolder(folder), 3)
+    reader = DepthViewReader(folder, 3)
     focals = [reader.draw().focal for _ in range(20)]
     assert max(focals) > 1.3 * min(focals)
 
@@ -98,28 +93,18 @@ def test_inverse_depth_falls_with_the_focal_length(checkpoint):
     torch.testing.assert_close(sigma, same)
 
 
-@pytest.mark.usefixtures("_same_threads")
 def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
-    folder, checkpoint, tmp_path
+    trained, checkpoint, tmp_path
 ):
-    out, said = tmp_path / "depth.pt", []
-    settings = DepthTrainSettings(
-        pairs=folder,
-        out=out,
-        start=checkpoint,
-        minutes=0.001,
-        learning_rate=1e-3,
-        frozen_blocks=16,
-        seed=0,
-        threads=1,
-    )
-    train_depth(settings, said.append)
+    out = tmp_path / "depth.pt"
+    words = ("--learning-rate", "1e-3", "--frozen-blocks", "16", "--from", checkpoint)
+    told = trained("train-depth", *words, "--out", out)
     before, after = (load_depth_weights(path) for path in (checkpoint, out))
     changed = {k for k, v in before.state.items() if not torch.equal(v, after.state[k])}
     assert any(name.startswith("head") for name in changed)
     assert not any(name.startswith("encoder") for name in changed)
     assert "8 views of rooms" in after.training
-    assert len(said) == 1
+    assert told.count("views: loss") == 1
     assert after.digest != before.digest
 
 

@@ -11,25 +11,23 @@ from pathlib import Path
 import cv2
 import lucas_kanade_network
 import numpy as np
+import onnx
 import pytest
+import torch
 from canary import Canary
 
-torch = pytest.importorskip("torch")
-
-import onnx  # noqa: E402
-
-from dfvs_core.errors import ModelError  # noqa: E402
-from dfvs_core.messages.manifest import sha256  # noqa: E402
-from dfvs_export.bundles.own_flow import OwnFlow  # noqa: E402
-from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
-from dfvs_export.checks.operators import operators  # noqa: E402
-from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
-from dfvs_export.cli import main  # noqa: E402
-from dfvs_export.weights.flow import Weights, load_weights  # noqa: E402
-from dfvs_models.bundle import read_bundle  # noqa: E402
-from dfvs_models.catalog import bundle_folder  # noqa: E402
-from dfvs_models.encode_match import EncodeMatchPoints  # noqa: E402
-from dfvs_models.onnx_session import Execution  # noqa: E402
+from dfvs_core.errors import ModelError
+from dfvs_core.messages.manifest import sha256
+from dfvs_export.bundles.own_flow import OwnFlow
+from dfvs_export.bundles.runner import BundleRunner
+from dfvs_export.checks.parity import drawn_pairs, parity
+from dfvs_export.cli import main
+from dfvs_export.commands.check import operators
+from dfvs_export.weights.flow import Weights, load_weights
+from dfvs_models.bundle import read_bundle
+from dfvs_models.catalog import bundle_folder
+from dfvs_models.encode_match import EncodeMatchPoints
+from dfvs_models.onnx_session import Execution
 
 SIZE = (160, 128)
 USED = {"Conv", "MatMul", "Softmax", "TopK", "GridSample", "ArgMax", "GatherElements"}
@@ -79,14 +77,14 @@ def run(runner: BundleRunner, first: np.ndarray, second: np.ndarray) -> list[np.
 def test_torch_and_onnx_runtime_agree(bundle: Path, checkpoint: Path) -> None:
     runner = BundleRunner(read_bundle(bundle))
     pairs = drawn_pairs(SIZE, 3, 11)
-    assert parity(OwnFlow.load(checkpoint), runner, pairs).holds
+    assert parity(OwnFlow(load_weights(checkpoint)), runner, pairs).holds
     for first, second in pairs:  # nothing found would agree too
         assert np.sum(run(runner, first, second)[2] > CONFIDENT) > 50
 
 
 def test_torch_and_onnx_runtime_agree_where_keypoints_are_missing() -> None:
     """On so small an image there are fewer peaks than places for keypoints."""
-    network, (first, second) = OwnFlow.load(None), drawn_pairs((64, 64), 1, 12)[0]
+    network, (first, second) = OwnFlow(load_weights(None)), drawn_pairs((64, 64), 1, 12)[0]
     runner = BundleRunner(network.bundle((64, 64)))
     scores = runner.encode(first)[2][0]
     assert 0 < np.count_nonzero(scores) < len(scores)

@@ -7,22 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import safetensors.torch
+import torch
 from canary import Canary
 
-torch = pytest.importorskip("torch")
-safetensors = pytest.importorskip("safetensors.torch")
-
-from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
-from dfvs_core.messages.manifest import sha256  # noqa: E402
-from dfvs_export.bundles.folder import write_bundle  # noqa: E402
-from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
-from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
-from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
-from dfvs_export.cli import main  # noqa: E402
-from dfvs_export.commands import flow  # noqa: E402
-from dfvs_export.precision.conversion import in_precision  # noqa: E402
-from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
-from dfvs_models.catalog import load_matcher  # noqa: E402
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.messages.manifest import sha256
+from dfvs_export.bundles.bundle import write_bundle
+from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow
+from dfvs_export.bundles.runner import BundleRunner
+from dfvs_export.checks.parity import drawn_pairs, parity
+from dfvs_export.cli import main
+from dfvs_export.commands import flow
+from dfvs_export.precision.conversion import in_precision
+from dfvs_export.weights.published import _read_weights, load_foreign, read_state
+from dfvs_models.catalog import load_matcher
 
 HAS_PTLFLOW = importlib.util.find_spec("ptlflow") is not None
 
@@ -61,10 +60,10 @@ def test_weights_need_the_hash_that_was_named_beforehand(tmp_path: Path) -> None
     file.write_bytes(saved({"w": torch.zeros(1)}))
     right = sha256(file.read_bytes())
     with pytest.raises(ModelError, match=right):
-        _read_weights(None, ForeignWeights(str(file)))
+        _read_weights(None, str(file), None)
     with pytest.raises(ModelError, match="expected 0000"):
-        _read_weights(None, ForeignWeights(str(file), "0" * 64))
-    assert _read_weights(None, ForeignWeights(str(file), right)) == file.read_bytes()
+        _read_weights(None, str(file), "0" * 64)
+    assert _read_weights(None, str(file), right) == file.read_bytes()
 
 
 def test_unknown_weights_are_answered_with_the_known_names() -> None:
@@ -72,13 +71,13 @@ def test_unknown_weights_are_answered_with_the_known_names() -> None:
         pretrained_checkpoints = {"things": "https://localhost/things.ckpt"}  # noqa: RUF012
 
     with pytest.raises(ConfigError, match="things"):
-        _read_weights(Reference, ForeignWeights("kitti", "0" * 64))
+        _read_weights(Reference, "kitti", "0" * 64)
 
 
 @pytest.mark.skipif(HAS_PTLFLOW, reason="ptlflow is installed")
 def test_without_ptlflow_one_line_says_how_to_get_it() -> None:
     with pytest.raises(ConfigError, match="dfvs-lab\\[published\\]"):
-        load_foreign("raft_small", ForeignWeights())
+        load_foreign("raft_small", None, None)
 
 
 SIZE = (96, 64)
@@ -104,7 +103,7 @@ class Layers(torch.nn.Module):
 
 @pytest.fixture(scope="module")
 def published() -> PublishedFlow:
-    return PublishedFlow("layers", PairGraph(Layers()).eval(), ForeignWeights())
+    return PublishedFlow("layers", PairGraph(Layers()).eval())
 
 
 def test_a_network_of_two_images_agrees_with_torch_and_runs_in_the_service(
@@ -114,7 +113,7 @@ def test_a_network_of_two_images_agrees_with_torch_and_runs_in_the_service(
     first, second = drawn_pairs(SIZE, 1, 1)[0]
     found = parity(published, BundleRunner(bundle), [(first, second)])
     assert found.holds
-    write_bundle(tmp_path / "pair", bundle)
+    write_bundle(tmp_path / "pair", bundle, "", {})
     matcher = load_matcher(str(tmp_path / "pair"), threads=1)
     field = matcher.match(matcher.encode(first), matcher.encode(second))
     assert field.flow.shape == (64, 96, 2)
@@ -136,7 +135,7 @@ def test_only_of_weights_that_nobody_named_it_is_said_that_they_are_random(
 
 
 def test_torch_and_onnx_runtime_differ_where_the_weights_do(published: PublishedFlow) -> None:
-    other = PublishedFlow("layers", PairGraph(Layers()).eval(), ForeignWeights())
+    other = PublishedFlow("layers", PairGraph(Layers()).eval())
     with torch.no_grad():
         other.graph.network.layers[-1].bias[0] += 1e-3
     found = parity(other, BundleRunner(published.bundle(SIZE)), drawn_pairs(SIZE, 1, 1))
@@ -156,7 +155,7 @@ def test_a_network_of_two_images_is_converted_to_fewer_bits(
 
 
 def test_safetensors_are_read() -> None:
-    data = safetensors.save({"w": torch.ones(2)})
+    data = safetensors.torch.save({"w": torch.ones(2)})
     assert torch.equal(read_state(data, "net.safetensors")["w"], torch.ones(2))
     with pytest.raises(ModelError, match="no plain checkpoint"):
         read_state(data[:-3], "net.safetensors")

@@ -3,9 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 
 from dfvs_core.errors import ConfigError
@@ -15,27 +12,22 @@ from dfvs_export.networks.pose_regression import NETWORKS, SIZE, STRIDE
 from dfvs_export.training import planar_pairs
 from dfvs_export.training.planar_pairs import PlanarPoseReader, cluster, light
 from dfvs_export.training.pose_pairs import RoomPoseReader, rays
-from dfvs_export.training.room_pairs import RoomFolder
-from dfvs_export.weights.pose import (
-    TrainedPose,
-    load_pose_weights,
-    starting_weights,
-)
+from dfvs_export.weights.pose import TrainedPose, load_pose_weights, starting_weights
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_pose
 
 READERS = pytest.mark.parametrize("reader", [RoomPoseReader, PlanarPoseReader])
 
 
-@pytest.fixture
-def checkpoints(tmp_path):
+@pytest.fixture(scope="module")
+def checkpoints(tmp_path_factory):
     """Drawn weights of both networks, the heads such that they give something."""
-    paths = {}
+    folder, paths = tmp_path_factory.mktemp("weights"), {}
     for name, make in NETWORKS.items():
         torch.manual_seed(1)
         network = make()
         torch.nn.init.normal_(network.head[-1].weight, std=0.1)
-        paths[name] = tmp_path / f"{name}.pt"
+        paths[name] = folder / f"{name}.pt"
         TrainedPose(name, network.state_dict(), "drawn weights", "None.").save(paths[name])
     return paths
 
@@ -48,7 +40,7 @@ def camera_of(pair):
 @READERS
 def test_the_flow_is_that_of_points_which_the_pose_moves(folder, reader):
     """There is a positive depth for every cell at which the pose gives the flow."""
-    drawn = reader(RoomFolder(folder), 5)
+    drawn = reader(folder, 5)
     for pair in [drawn.draw() for _ in range(12)]:
         camera, T = camera_of(pair), pair.T_first_second
         d = rays(camera)[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
@@ -68,7 +60,7 @@ def test_the_flow_leads_to_the_same_things(folder, reader, monkeypatch):
     """What the second view shows where the flow leads looks like the first one, cell by cell."""
     monkeypatch.setattr(planar_pairs, "_LIT", 0.0)
     monkeypatch.setattr(planar_pairs, "_OCCLUDED", 0.0)
-    drawn, alike = reader(RoomFolder(folder), 6), []
+    drawn, alike = reader(folder, 6), []
     cells = np.s_[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
     for pair in [drawn.draw() for _ in range(30)]:
         views = [cv2.GaussianBlur(view, (0, 0), 2.0) for view in pair[:2]]
@@ -91,20 +83,18 @@ def test_light_and_occlusion_change_what_they_should():
     assert max(f.max() for f in factors) > 1.2
 
 
-@pytest.mark.usefixtures("_same_threads")
 @pytest.mark.parametrize("name", NETWORKS)
-def test_a_short_training_goes_on_from_a_checkpoint(folder, checkpoints, tmp_path, name, capsys):
+def test_a_short_training_goes_on_from_a_checkpoint(trained, checkpoints, tmp_path, name):
     out = tmp_path / "trained.pt"
-    words = ["--network", name, "--pairs", str(folder), "--out", str(out), "--minutes", "0.001"]
-    more = ("--threads", "1", "--from", str(checkpoints[name]))
-    assert main(["train-pose", *words, *more]) == 0
+    words = ("--network", name, "--from", checkpoints[name], "--out", out)
+    told = trained("train-pose", *words)
     before, after = (load_pose_weights(path) for path in (checkpoints[name], out))
     changed = {k for k, v in before.state.items() if not torch.equal(v, after.state[k])}
     assert any(key.startswith("head") for key in changed)
     assert not any(key.startswith(("encoder._conv_stem", "encoder._blocks.0")) for key in changed)
     assert not any(key.startswith("encoder") and "running" in key for key in changed)
     assert after.training.startswith("None. Then: 16 pairs of views")
-    assert "16 pairs: off by" in capsys.readouterr().out
+    assert "16 pairs: off by" in told
     with pytest.raises(ConfigError, match=f"holds weights of {name}"):
         starting_weights(next(other for other in NETWORKS if other != name), out)
 

@@ -1,14 +1,12 @@
 """LighterGlue with its linear maps folded, beside the published network written out in full."""
 
 import pytest
+import torch
+from torch.nn import functional
 
-torch = pytest.importorskip("torch")
-
-from torch.nn import functional  # noqa: E402
-
-from dfvs_export.networks.lighterglue import LighterGlue  # noqa: E402
-from dfvs_export.networks.xfeat import Keypoints  # noqa: E402
-from dfvs_export.weights.flow import folded  # noqa: E402
+from dfvs_export.networks.lighterglue import LighterGlue
+from dfvs_export.networks.xfeat import Keypoints
+from dfvs_export.weights.flow import folded
 
 SIZE = (640, 480)
 WIDTH, INPUTS, LAYERS = 96, 64, 6

@@ -5,9 +5,6 @@ from operator import attrgetter
 
 import numpy as np
 import pytest
-
-pytest.importorskip("torch")
-
 import torch
 
 from dfvs_core.errors import ConfigError
@@ -15,17 +12,9 @@ from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_export.cli import main
 from dfvs_export.networks.pose_regression import SIZE as POSE_SIZE
 from dfvs_export.training.depth_views import DepthViewReader
-from dfvs_export.training.flow import FlowTrainSettings, train
 from dfvs_export.training.planar_pairs import PlanarPoseReader
 from dfvs_export.training.pose_pairs import RoomPoseReader
-from dfvs_export.training.room_pairs import (
-    SIZE,
-    PairReader,
-    RoomFolder,
-    TrainingPair,
-    View,
-    true_matches,
-)
+from dfvs_export.training.room_pairs import SIZE, PairReader, TrainingPair, View, true_matches
 from dfvs_export.weights.flow import load_weights
 
 VIEW, POSE_VIEW = SIZE[::-1], POSE_SIZE[::-1]
@@ -63,7 +52,7 @@ def test_true_matches_are_found_by_depth_and_pose():
     ],
 )
 def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes, values):
-    first, again, other = (parts(reader(RoomFolder(folder), seed).draw()) for seed in (1, 1, 2))
+    first, again, other = (parts(reader(folder, seed).draw()) for seed in (1, 1, 2))
     for drawn, repeated in zip(first, again, strict=True):
         np.testing.assert_array_equal(drawn, repeated)
     assert not np.array_equal(first[0], other[0])
@@ -77,29 +66,18 @@ def test_what_is_learnt_from_is_drawn_by_the_seed(folder, reader, parts, shapes,
 def test_a_room_without_a_pair_is_named(tmp_path, reader, arrays):
     np.savez(tmp_path / "30007.npz", **arrays)
     with pytest.raises(ConfigError, match=r"30007\.npz holds no pairs"):
-        reader(RoomFolder(tmp_path), 1).draw()
+        reader(tmp_path, 1).draw()
 
 
-@pytest.mark.usefixtures("_same_threads")
-def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp_path):
-    out, said = tmp_path / "matcher.pt", []
-    settings = FlowTrainSettings(
-        pairs=folder,
-        out=out,
-        start=None,
-        minutes=0.001,
-        learning_rate=1e-3,
-        encoder_blocks=0,
-        keypoints=256,
-        seed=0,
-        threads=1,
-    )
-    train(settings, said.append)
+def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(trained, tmp_path):
+    out = tmp_path / "matcher.pt"
+    told = trained("train", "--learning-rate", "1e-3", "--keypoints", "256", "--out", out)
     before, after = load_weights(None), load_weights(out)
     assert all(torch.equal(before.encoder[name], after.encoder[name]) for name in before.encoder)
     same = [torch.equal(value, after.matcher[name]) for name, value in before.matcher.items()]
     assert np.mean(same) < 0.2
     assert "8 wide-baseline pairs" in after.training
+    assert "8 pairs: loss" in told
     assert after.digest != before.digest
 
 
@@ -116,7 +94,6 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp
         ("pose --checkpoint nowhere.pt --out b", "no weights at nowhere.pt"),
     ],
 )
-@pytest.mark.usefixtures("_same_threads")
 def test_what_cannot_be_done_is_refused_in_one_line(
     folder, tmp_path, monkeypatch, refused, words, said
 ):

@@ -1,6 +1,7 @@
 """Sparse matches of an encode-match bundle, in px of the images that they were found in."""
 
 import math
+from types import SimpleNamespace
 
 import cv2
 import grid_network
@@ -155,18 +156,30 @@ def view(large, roll_deg):
     return cv2.warpAffine(large, M, SIZE, flags=cv2.INTER_CUBIC), M
 
 
-@pytest.mark.parametrize("roll_deg", [0.0, -ROLL_DEG, ROLL_DEG])
-def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(
-    network, large, roll_deg
-):
-    (first, there), (second, here) = view(large, 0.0), view(large, roll_deg)
-    found = match(network, first, second)
-    sure = [matches.select(matches.confidence > 0.5) for matches in found]
+@pytest.fixture(scope="module", params=[0.0, -ROLL_DEG, ROLL_DEG])
+def turned(request, network, large):
+    """An image and itself turned: images, their matches, and where points of the first lie."""
+    (first, there), (second, here) = view(large, 0.0), view(large, request.param)
+    encoded = [network.encode(image) for image in (first, second)]
+
+    def moved(points):
+        return (points - there[:, 2]) @ np.linalg.inv(there[:, :2]).T @ here[:, :2].T + here[:, 2]
+
+    return SimpleNamespace(
+        roll_deg=request.param,
+        images=(first, second),
+        encoded=encoded,
+        found=list(network.hypotheses(*encoded)),
+        moved=moved,
+    )
+
+
+def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(turned):
+    sure = [matches.select(matches.confidence > 0.5) for matches in turned.found]
     best = sure[0]
     assert len(best) == max(len(matches) for matches in sure)
     assert len(best) > 100
-    expected = (best.current - there[:, 2]) @ np.linalg.inv(there[:, :2]).T @ here[:, :2].T
-    apart = np.linalg.norm(best.other - expected - here[:, 2], axis=1)
+    apart = np.linalg.norm(best.other - turned.moved(best.current), axis=1)
     # keypoints are whole px of the network's image, 0.6 px of these, in each of the two
     assert np.mean(apart < 2.0) > 0.85
     assert np.median(apart) < 1.1
@@ -180,12 +193,9 @@ def test_an_encoded_image_is_matched_without_the_encoder(tmp_path, monkeypatch):
     assert len(points.expected(first, second, 0.0, 1.0)) > 0
 
 
-@pytest.mark.parametrize("roll_deg", [0.0, -ROLL_DEG, ROLL_DEG])
-def test_a_few_matches_are_right_where_the_turn_is_known(network, large, roll_deg):
-    (first, there), (second, here) = view(large, 0.0), view(large, roll_deg)
-    found = network.expected(*map(network.encode, (first, second)), math.radians(roll_deg), 1.0)
-    expected = (found.current - there[:, 2]) @ np.linalg.inv(there[:, :2]).T @ here[:, :2].T
-    apart = np.linalg.norm(found.other - expected - here[:, 2], axis=1)
+def test_a_few_matches_are_right_where_the_turn_is_known(network, turned):
+    found = network.expected(*turned.encoded, math.radians(turned.roll_deg), 1.0)
+    apart = np.linalg.norm(found.other - turned.moved(found.current), axis=1)
     assert len(found) <= 400
     sure = found.confidence > 0.5
     assert np.count_nonzero(sure) > 30
@@ -204,17 +214,16 @@ def test_an_image_is_matched_with_one_from_a_third_of_the_distance(large):
     assert len(sure) > 2 * np.count_nonzero(upright.confidence > 0.5)
 
 
-def test_matches_lie_in_both_images(network, large):
-    (first, _), (second, _) = view(large, 0.0), view(large, ROLL_DEG)
-    for matches in match(network, first, second):
+def test_matches_lie_in_both_images(turned):
+    for matches in turned.found:
         for points in (matches.current, matches.other):
             assert (points > -0.5).all()
             assert (points < np.array(SIZE) - 0.5).all()
 
 
-def test_the_same_images_give_the_same_bits(network, large):
-    first, second = view(large, 0.0)[0], view(large, ROLL_DEG)[0]
-    for a, b in zip(match(network, first, second), match(network, first, second), strict=True):
+@pytest.mark.parametrize("turned", [ROLL_DEG], indirect=True)
+def test_the_same_images_give_the_same_bits(network, turned):
+    for a, b in zip(turned.found, match(network, *turned.images), strict=True):
         assert a.current.tobytes() == b.current.tobytes()
         assert a.other.tobytes() == b.other.tobytes()
         assert a.confidence.tobytes() == b.confidence.tobytes()

@@ -133,8 +133,7 @@ def test_pictures_prepared_by_the_classical_matcher_are_refused(matcher, wall):
 
 def test_threads_are_as_asked_and_do_not_spin(tmp_path):
     """Read back from ONNX Runtime itself, which burns a core per thread between frames else."""
-    read = read_bundle(write_bundle(tmp_path))
-    graph = OnnxGraph(read.graph("pair"), "pair.onnx", Execution(threads=3))
+    graph = OnnxGraph(read_bundle(write_bundle(tmp_path)), "pair", Execution(threads=3))
     options = graph._session.get_session_options()
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
     assert options.intra_op_num_threads == 3

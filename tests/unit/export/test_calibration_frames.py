@@ -79,12 +79,14 @@ def test_a_network_of_two_images_is_calibrated_on_both(tmp_path: Path) -> None:
     np.testing.assert_allclose(shown, np.array([(0.0, 100.0), (1.0, 101.0)]) / 255.0, rtol=1e-5)
 
 
-def empty_folder(folder: Path) -> Path:
-    return folder
+def archive(**arrays: np.ndarray):
+    """Maker of a file of some arrays."""
 
+    def make(folder: Path) -> Path:
+        np.savez(folder / "x.npz", **arrays)
+        return folder / "x.npz"
 
-def missing_file(folder: Path) -> Path:
-    return folder / "gone.npz"
+    return make
 
 
 def no_archive(folder: Path) -> Path:
@@ -92,27 +94,7 @@ def no_archive(folder: Path) -> Path:
     return folder / "x.npz"
 
 
-def without_second_images(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=images(2))
-    return folder / "x.npz"
-
-
-def of_floats(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=images(2) / 255.0, IB=images(2) / 255.0)
-    return folder / "x.npz"
-
-
-def of_unequal_counts(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=images(2), IB=images(3))
-    return folder / "x.npz"
-
-
-def of_objects(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=np.array([{}]), IB=np.array([{}]))
-    return folder / "x.npz"
-
-
-def a_broken_image(folder: Path) -> Path:
+def broken_images(folder: Path) -> Path:
     for k in range(2):
         (folder / f"{k}.png").write_bytes(b"no image")
     return folder
@@ -121,14 +103,14 @@ def a_broken_image(folder: Path) -> Path:
 @pytest.mark.parametrize(
     "make",
     [
-        empty_folder,
-        missing_file,
-        no_archive,
-        without_second_images,
-        of_floats,
-        of_unequal_counts,
-        of_objects,
-        a_broken_image,
+        pytest.param(lambda folder: folder, id="empty folder"),
+        pytest.param(lambda folder: folder / "gone.npz", id="missing file"),
+        pytest.param(no_archive, id="no archive"),
+        pytest.param(archive(IA=images(2)), id="no second images"),
+        pytest.param(archive(IA=images(2) / 255.0, IB=images(2) / 255.0), id="floats"),
+        pytest.param(archive(IA=images(2), IB=images(3)), id="unequal counts"),
+        pytest.param(archive(IA=np.array([{}]), IB=np.array([{}])), id="objects"),
+        pytest.param(broken_images, id="broken images"),
     ],
 )
 def test_what_holds_no_pairs_is_refused_in_one_line(make, tmp_path: Path) -> None:

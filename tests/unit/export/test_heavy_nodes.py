@@ -1,7 +1,5 @@
 """Which operators may lose bits, and that half precision changes those and nothing else."""
 
-from functools import partial
-
 import numpy as np
 import onnx
 import onnxruntime
@@ -47,9 +45,6 @@ def model() -> onnx.ModelProto:
         [numpy_helper.from_array(w.astype(np.float32), n) for n, w in weights.items()],
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-
-
-OF_IMAGES = partial(heavy_nodes, takes_images=True)
 
 
 def names(model: onnx.ModelProto, takes_images: bool) -> list[str]:
@@ -105,7 +100,7 @@ def run(data: bytes, image: np.ndarray) -> np.ndarray:
 def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None:
     image = np.random.default_rng(5).random(SHAPE, dtype=np.float32)
     exact = run(model.SerializeToString(), image)
-    data = to_half(model.SerializeToString(), OF_IMAGES)
+    data = to_half(model.SerializeToString(), takes_images=True)
     found = run(data, image)
     assert found.dtype == np.float32
     # eleven bits of the one convolution that was chosen, squared by the product behind it
@@ -114,7 +109,7 @@ def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None
 
 
 def test_half_precision_halves_the_chosen_weights_and_drops_the_whole_ones(model) -> None:
-    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_IMAGES))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), takes_images=True))
     kinds = {tensor.name: tensor.data_type for tensor in made.graph.initializer}
     assert kinds.pop("middle_weights_half") == TensorProto.FLOAT16
     assert set(kinds) == {"first_weights", "grouped_weights", "step_weights", "two"}
@@ -126,7 +121,7 @@ def test_weights_beyond_half_precision_stay_finite(model) -> None:
     values = numpy_helper.to_array(weights).copy()
     values.flat[0] = 1e6
     weights.CopyFrom(numpy_helper.from_array(values, weights.name))
-    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_IMAGES))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), takes_images=True))
     (halved,) = (t for t in made.graph.initializer if t.name == "middle_weights_half")
     assert np.isfinite(numpy_helper.to_array(halved)).all()
 
@@ -141,7 +136,7 @@ def test_layers_that_share_weights_share_their_halves(model) -> None:
     model.graph.node.insert(4, second)
     next(node for node in model.graph.node if node.name == "step").input[0] = "second_out"
     image = np.random.default_rng(7).random(SHAPE, dtype=np.float32)
-    data = to_half(model.SerializeToString(), OF_IMAGES)
+    data = to_half(model.SerializeToString(), takes_images=True)
     made = onnx.load_model_from_string(data).graph
     assert "Identity" not in {node.op_type for node in made.node}
     assert "middle_weights" not in {tensor.name for tensor in made.initializer}

@@ -5,9 +5,10 @@ import zlib
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import numpy_helper
+from onnx_network import NetworkBuilder
 
-from dfvs_export.bundles.rounding import round_weights
+from dfvs_export.bundles.tracing import round_weights
 
 VALUES = np.random.default_rng(1).normal(size=(40, 50)).astype(np.float32)
 VALUES[0, :3] = 0.0, 1e-30, -65504.0
@@ -16,14 +17,10 @@ COUNTS = np.arange(3)
 
 @pytest.fixture
 def data():
-    graph = helper.make_graph(
-        [helper.make_node("MatMul", ["x", "weights"], ["y"])],
-        "one",
-        [helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 40])],
-        [helper.make_tensor_value_info("y", TensorProto.FLOAT, [1, 50])],
-        [numpy_helper.from_array(VALUES, "weights"), numpy_helper.from_array(COUNTS, "counts")],
-    )
-    return helper.make_model(graph).SerializeToString()
+    b = NetworkBuilder()
+    b.give(b.op("MatMul", "x", b.constant(VALUES)), "y")
+    b.constant(COUNTS)
+    return b.model({"x": (1, 40)}, {"y": (1, 50)}).SerializeToString()
 
 
 def weights(data):
