@@ -85,9 +85,10 @@ def fly(
     for i in range(frames):
         if i == next_goal_at:
             observation = None if preview is None else preview().observation
-            eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
+            view = eye.pipeline.prepare(following)
+            eye.pipeline.set_goal(servo_task(config, following), view, observation)
             opening = replace(
-                headers.make(following, book.next_record, eye.observed_ns),
+                headers.make(following, book.next_record, eye.pipeline.observed_ns),
                 opened_ns=clock(),
             )
             book.open(opening)
@@ -111,9 +112,10 @@ def fly(
         outcome = glance.frame_result
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.with_sample(sample, heard, glance, servo), payload))
-        eye.work_between_frames()
+        eye.pipeline.work_between_frames()
         if i == preview_of:
-            preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
+            view = eye.pipeline.prepare(following)
+            preview = eye.pipeline.evaluate_next_goal(servo_task(config, following), view)
     return RecordedFlight(events)
 
 

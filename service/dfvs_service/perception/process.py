@@ -168,7 +168,7 @@ class PerceptionProcess:
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Publish the session header of the frame records from here on, and the goal."""
         header = self._headers.make(
-            self._goal, self._recorder.next_record, self._frame_processor.observed_ns
+            self._goal, self._recorder.next_record, self._frame_processor.pipeline.observed_ns
         )
         self._recorder.open(header)
         publisher.offer(header, encode_png(self._goal.image))
@@ -192,9 +192,8 @@ class PerceptionProcess:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
-        self._frame_processor.set_goal(
-            servo_task(self._config, self._goal), self._frame_processor.prepare(self._goal)
-        )
+        pipeline = self._frame_processor.pipeline
+        pipeline.set_goal(servo_task(self._config, self._goal), pipeline.prepare(self._goal))
         self._publish_goal(telemetry, publisher)
         log.info("looking for the goal %s", digest[:12])
 
@@ -231,7 +230,7 @@ class PerceptionProcess:
             publisher.offer(
                 self._recorder.with_sample(sample, statuses, processed, servo), sample.payload
             )
-            self._latency.add({"depth": self._frame_processor.work_between_frames()})
+            self._latency.add({"depth": self._frame_processor.pipeline.work_between_frames()})
             self._go_on(processed, telemetry, publisher)
         if self._collection_pace.due(now_ns):
             gc.collect()
@@ -247,9 +246,9 @@ class PerceptionProcess:
         """Go on to the next goal of the route once it is in sight."""
         if processed.frame is None or processed.frame_result is None:
             return
-        t_ns = processed.frame.t_capture_ns
-        self._route.follow(self._frame_processor, processed.frame_result, t_ns)
-        if self._route.go_on(self._frame_processor, t_ns):
+        t_ns, processor = processed.frame.t_capture_ns, self._frame_processor
+        self._route.follow(processed.frame_result, t_ns, engaged=processor.servoing)
+        if self._route.go_on(processor.pipeline, t_ns):
             self._goal = self._route.goal
             log.info("goal %d of %d", self._route.index + 1, self._route.count)
             self._publish_goal(telemetry, publisher)
