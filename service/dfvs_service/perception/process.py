@@ -41,7 +41,6 @@ from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
@@ -115,7 +114,7 @@ class PerceptionProcess:
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
-        self._recorder, self._headers = FrameRecorder(), SessionHeaders(config, self._clock)
+        self._recorder = FrameRecorder(config, self._clock)
         self._stopped = False
 
     def run(self) -> None:
@@ -167,10 +166,7 @@ class PerceptionProcess:
 
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Publish the session header of the frame records from here on, and the goal."""
-        header = self._headers.make(
-            self._goal, self._recorder.next_record, self._frame_processor.pipeline.observed_ns
-        )
-        self._recorder.open(header)
+        header = self._recorder.open(self._goal, self._frame_processor.pipeline.observed_ns)
         publisher.offer(header, encode_png(self._goal.image))
         image, now_ns = self._goal.image, time.monotonic_ns()
         telemetry.offer("goal", lambda: self._images.goal(image, now_ns))
