@@ -56,11 +56,6 @@ class Child:
         os.set_blocking(self._pipe, False)
 
     @property
-    def pid(self) -> int:
-        """Process id."""
-        return self._process.pid
-
-    @property
     def code(self) -> int | None:
         """Exit code (negative: killed by that signal), None while it runs."""
         return self._process.poll()
