@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _board_option(parser)
-    add_source_options(parser, required=True)
+    add_source_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="TOML to write")
     parser.add_argument(
         "--lens",
