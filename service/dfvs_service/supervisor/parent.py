@@ -19,17 +19,18 @@ from types import FrameType
 
 from dfvs_common.lifecycle import EXIT_CANNOT_RUN, EXIT_FAILED, handle_ending_signals
 from dfvs_core.errors import WireError
+from dfvs_core.gate.config import MS
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import ServiceFault, to_datagram
+from dfvs_core.messages.schema import from_json
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import Child
 from dfvs_service.supervisor.console import Display
 from dfvs_service.supervisor.console_writer import ConsoleWriter
-from dfvs_service.supervisor.hang_detector import MS, HangDetector
-from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.heartbeat import HangDetector, Heartbeat
 from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
@@ -186,7 +187,7 @@ class Parent:
             data = self._socket.recv(65536)
             self._hang_detector.on_heartbeat(time.monotonic_ns())
             with contextlib.suppress(WireError):
-                self._heartbeat = Heartbeat.from_bytes(data)
+                self._heartbeat = from_json(Heartbeat, data)
 
     def _check_needed(self, name: str, child: Child) -> None:
         """End a service that lacks a process, once nothing is flown any more."""
