@@ -14,7 +14,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame_record import FrameRecord, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
-from dfvs_service.frame_record_image import record_image
+from dfvs_service.frames import record_image
 from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_within
 

@@ -13,7 +13,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
-from dfvs_service.frame_record_image import record_image
+from dfvs_service.frames import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import Run, StateLog, in_order, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
