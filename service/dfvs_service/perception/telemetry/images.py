@@ -11,7 +11,7 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.perception.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
-from dfvs_service.perception.telemetry.preview import draw_flow
+from dfvs_service.image_drawing import draw_flow
 from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
