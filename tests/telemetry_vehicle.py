@@ -129,7 +129,7 @@ class TelemetryVehicle:
         now_ns = time.monotonic_ns()
         self.authority = Authority(key, name, lambda: secrets.token_hex(8), now_ns)
         self.session = open_session(config.zenoh)
-        self.telemetry = Telemetry(self.session, self.topics, print)
+        self.telemetry = Telemetry(self.session, self.topics, print, lambda *_: True)
         self.telemetry.offer_json("config", dump(config))
         self.telemetry.offer("goal", lambda: self.pictures.goal(self.goal, now_ns))
         self.goals = []
