@@ -1,7 +1,6 @@
 """A second service on the same ports ends at once and takes nothing from the first one."""
 
 import contextlib
-import fcntl
 import os
 import re
 import subprocess
@@ -78,17 +77,6 @@ def test_a_mavlink_port_that_another_service_has_is_said_and_stays_with_it(goal,
     for line in lines:
         assert line.startswith(f"error: UDP port {vehicle.port} is taken by another program")
         assert "--mavlink udpin://127.0.0.1:" in line
-
-
-def test_a_runtime_folder_that_another_service_uses_is_said_with_another_one(goal, tmp_path):
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        words = ("--runtime-dir", str(folder))
-        line = second_service(goal, free_endpoint(), free_port(), *words)
-    assert line.startswith(f"error: the runtime folder {folder} is used by another dfvs-service")
-    assert f"--runtime-dir {folder}-2" in line
 
 
 def test_a_session_on_a_taken_port_is_refused_with_one_that_opens():
