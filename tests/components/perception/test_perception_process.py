@@ -14,8 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-import zenoh
-import zenoh.ext
 from loopback import free_endpoint, peer
 from textured_wall import Wall, texture
 
@@ -44,6 +42,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.settings.config import load_config
+from dfvs_service.zenoh_session import subscribe_kept
 
 pytestmark = pytest.mark.real_time
 
@@ -196,11 +195,10 @@ def test_frames_become_reports_and_telemetry_until_it_is_told_to_end(rig, rng):
 
 def test_late_joiners_are_told_the_configuration(shared, rng):
     found = []
-    subscriber = zenoh.ext.declare_advanced_subscriber(
+    subscriber = subscribe_kept(
         shared.session,
         TOPICS.telemetry("config"),
         lambda sample: found.append(json.loads(sample.payload.to_bytes())),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
     )
     shared.shoot_until(rng, lambda _: bool(found))
     assert found[0]["vehicle"]["name"] == TOPICS.vehicle
@@ -209,12 +207,7 @@ def test_late_joiners_are_told_the_configuration(shared, rng):
 
 def test_late_joiners_are_shown_the_goal_and_the_flow_while_they_look(shared, rng):
     goals, grids = [], []
-    goal = zenoh.ext.declare_advanced_subscriber(
-        shared.session,
-        TOPICS.telemetry("goal"),
-        lambda sample: goals.append(sample),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-    )
+    goal = subscribe_kept(shared.session, TOPICS.telemetry("goal"), goals.append)
     flow = shared.session.declare_subscriber(
         TOPICS.telemetry("flow"), lambda sample: grids.append(sample.payload.to_bytes())
     )
