@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from vehicle_process import free_port
+from waiting import until
 
 from dfvs_service.settings.config import load_config
 
@@ -88,10 +89,7 @@ class Flight:
         return self
 
     def wait(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, self.log()[-5:]
-            time.sleep(0.02)
+        assert until(condition, timeout_s), self.log()[-5:]
 
     def pid(self, name: str) -> int:
         """Process id of the gate or of perception."""

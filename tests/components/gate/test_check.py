@@ -14,6 +14,7 @@ import pytest
 from gate_flight import hovering_vehicle
 from loopback import free_endpoint
 from textured_wall import Wall, texture
+from waiting import until
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
@@ -82,13 +83,14 @@ class Watch:
 
     def wait(self, name, ok, text="", seconds=60.0):
         """Check of a name, once it is as wanted."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            for check in () if self.beat is None else self.beat.checks:
-                if check.name == name and check.ok is ok and text in check.detail:
-                    return check
-            time.sleep(0.02)
-        raise AssertionError(f"{name} never {ok} {text!r}: {self.beat} {self.lines}")
+
+        def found():
+            checks = () if self.beat is None else self.beat.checks
+            return [c for c in checks if c.name == name and c.ok is ok and text in c.detail]
+
+        fitting = until(found, seconds)
+        assert fitting, f"{name} never {ok} {text!r}: {self.beat} {self.lines}"
+        return fitting[0]
 
 
 @pytest.fixture(scope="module")
