@@ -5,7 +5,6 @@ import gc
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any
@@ -14,7 +13,7 @@ import zenoh
 
 from dfvs_common.clock import local_clock
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
@@ -34,7 +33,7 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame, unhealthy_report
+from dfvs_service.perception.frame_processor import ProcessedFrame, unhealthy_report
 from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
 from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.perception.preallocation import preallocate
@@ -45,7 +44,7 @@ from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import commanded_goal
+from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import inner_zenoh, open_persistently, open_within
@@ -67,15 +66,17 @@ class PerceptionProcess:
     ----------
     config : ServiceConfig
         Resolved settings, the camera's intrinsics among them.
-    goals : sequence of Goal
-        Where to fly to: one goal, or several in a row.
     runtime : RuntimeFolder
-        Where the service's processes meet.
+        Where the service's processes meet, with the goals to fly to in a row.
+
+    Raises
+    ------
+    DfvsError
+        If a goal or a model cannot be used.
     """
 
-    def __init__(
-        self, config: ServiceConfig, goals: Sequence[Goal], runtime: RuntimeFolder
-    ) -> None:
+    def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
+        goals = load_goals(runtime)
         self._config = config
         self._topics = Topics(config.vehicle.name)
         self._runtime = runtime
@@ -95,11 +96,13 @@ class PerceptionProcess:
             FrameRateLimiter(camera.size, time.monotonic_ns()) if is_dfvs_source else None
         )
         self._matcher = flow_matcher(config.flow)
-        self._depth = depth_network(config)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="next-goal")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
-        self._frame_processor = self._build_frame_processor(goal)
+        clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
+        self._frame_processor = build_frame_processor(
+            config, goal, self._matcher, clocks, depth_network(config)
+        )
         self._last_frame_ns = time.monotonic_ns()
         section = config.telemetry
         self._images = TelemetryImages(
@@ -159,10 +162,6 @@ class PerceptionProcess:
         """Tell the gate why there are no frames."""
         log.warning("%s", text)
         self._send(unhealthy_report(0, 0, text))
-
-    def _build_frame_processor(self, goal: Goal) -> FrameProcessor:
-        clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_frame_processor(self._config, goal, self._matcher, clocks, self._depth)
 
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Publish the session header of the frame records from here on, and the goal."""
