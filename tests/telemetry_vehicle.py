@@ -117,7 +117,7 @@ class TelemetryVehicle:
         self.pixel_format = pixel_format
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
-        self.pictures = TelemetryImages(CLOCK, 0.3, 70)
+        self.pictures = TelemetryImages(CLOCK, 0.3, 70, 1_000_000)
         self.goal, self.views, self.flows = approach()
         self.is_paused = False
         self.mounting_score = 12.3
