@@ -12,8 +12,7 @@ from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import Source, SourceOptions
+from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
 from dfvs_service.camera.sources.spec import parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.endpoints import here

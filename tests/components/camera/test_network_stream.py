@@ -11,8 +11,7 @@ from waiting import until
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.source import SourceOptions, open_source
 from dfvs_service.camera.sources.spec import parse_source
 
 PERIOD_S = 0.03

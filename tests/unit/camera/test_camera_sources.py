@@ -7,8 +7,7 @@ import pytest
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.sources.capture import CaptureSource, buffer_time_ns
 from dfvs_service.camera.sources.images import ImageSource
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import SourceOptions, check_size
+from dfvs_service.camera.sources.source import SourceOptions, check_size, open_source
 from dfvs_service.camera.sources.spec import (
     CameraError,
     SourceKind,

@@ -20,8 +20,7 @@ from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.source import SourceOptions, open_source
 from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 
