@@ -35,6 +35,14 @@ def use_one_blas_thread(module: str) -> None:
         os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
 
 
+def new_lines(path: Path, begin: int) -> bytes:
+    """Whole lines of a file from the byte ``begin`` on."""
+    with path.open("rb") as file:
+        file.seek(begin)
+        data = file.read()
+    return data[: data.rfind(b"\n") + 1]
+
+
 class Child:
     """One of the service's processes, which ends with this one.
 
@@ -81,12 +89,9 @@ class Child:
 
     def new_errors(self) -> list[str]:
         """Whole lines that it wrote to its standard error since the last call."""
-        with self._stderr.open("rb") as file:
-            file.seek(self._read)
-            data = file.read()
-        end = data.rfind(b"\n") + 1
-        self._read += end
-        return data[:end].decode(errors="replace").splitlines()
+        lines = new_lines(self._stderr, self._read)
+        self._read += len(lines)
+        return lines.decode(errors="replace").splitlines()
 
     def describe_end(self) -> str:
         """How it ended, in words."""
