@@ -88,7 +88,7 @@ def days(begin, end):
 
 
 def with_authority(folder, validity):
-    authority = make_authority("DFVS authority", validity)
+    authority = make_authority(validity)
     write_credentials(folder / "authority", authority, authority)
     return authority
 
