@@ -19,8 +19,7 @@ def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path,
     first, second = wall.picture(), wall.picture(turned(shift=(45.0, 0.0)))
     (tmp_path / "goal-0001.png").write_bytes(encode_png(second))
     (tmp_path / "goal-0001.json").write_text(GoalSidecar(CAMERA).to_json())
-    rig = Rig(tmp_path, first)
-    try:
+    with Rig(tmp_path, first) as rig:
         places = queue.Queue()
         listener = subscribe_kept(
             rig.session,
@@ -39,5 +38,3 @@ def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path,
         seen = [places.get(timeout=30.0) for _ in range(2)]
         assert [(place["goal"], place["of"]) for place in seen] == [(1, 2), (2, 2)]
         listener.undeclare()
-    finally:
-        rig.close()
