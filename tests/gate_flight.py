@@ -117,9 +117,8 @@ class Flight:
     def setpoints(self, since_ns: int = 0) -> list[dict[str, Any]]:
         return self.vehicle.events("setpoint", max(since_ns, self.start_ns))
 
-    def modes_asked(self, since_ns: int = 0) -> list[str]:
-        events = self.vehicle.events("mode_command", max(since_ns, self.start_ns))
-        return [e["mode"] for e in events]
+    def modes_asked(self) -> list[str]:
+        return [e["mode"] for e in self.vehicle.events("mode_command", self.start_ns)]
 
     def settle(self, seconds: float = 0.6) -> Flight:
         """Let time pass in which something wrong could still happen."""

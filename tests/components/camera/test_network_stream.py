@@ -56,8 +56,8 @@ def served(port=0):
         thread.join(5.0)
 
 
-def shots(feed, count, within_s=20.0):
-    taken, deadline = [], time.monotonic() + within_s
+def shots(feed, count):
+    taken, deadline = [], time.monotonic() + 20.0
     while len(taken) < count and time.monotonic() < deadline:
         shot = feed.receive(0.2)
         if shot is not None:
