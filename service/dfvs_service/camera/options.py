@@ -15,7 +15,6 @@ from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
 from dfvs_service.camera.sources.spec import parse_source
 from dfvs_service.settings.calibration_file import read_calibration
-from dfvs_service.settings.endpoints import here
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
 
@@ -118,8 +117,5 @@ def quiet_libraries() -> None:
 
 def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     """Settings with which a camera reaches the service: its router, or the service itself."""
-    listen = tuple(here(endpoint) for endpoint in service.listen)
-    endpoints = service.connect if service.mode == "client" else listen
-    if connect is not None:
-        endpoints = (connect,)
+    endpoints = service.reached_at if connect is None else (connect,)
     return dataclasses.replace(service, connect=endpoints, listen=())
