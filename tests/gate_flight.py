@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +71,6 @@ class Flight:
     folder: Path
     parent: subprocess.Popen[str]
     start_ns: int
-    pids: dict[str, int] = field(default_factory=dict)
 
     def log(self) -> list[dict[str, Any]]:
         path = self.folder / "gate.jsonl"
@@ -113,6 +112,11 @@ class Flight:
 
     def errors(self) -> str:
         return (self.folder / "parent.err").read_text()
+
+    def error(self) -> str:
+        """Give the one error that the user reads."""
+        (line,) = [line for line in self.errors().splitlines() if line.startswith("error:")]
+        return line
 
     def setpoints(self, since_ns: int = 0) -> list[dict[str, Any]]:
         return self.vehicle.events("setpoint", max(since_ns, self.start_ns))
