@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.child import describe_end, start_child
+from dfvs_common.child import start_child
 from dfvs_common.lifecycle import ONE_BLAS_THREAD
 
 STEADY_HEAP = {
@@ -92,7 +92,3 @@ class Child:
         lines = new_lines(self._stderr, self._read)
         self._read += len(lines)
         return lines.decode(errors="replace").splitlines()
-
-    def describe_end(self) -> str:
-        """How it ended, in words."""
-        return describe_end(self.code)

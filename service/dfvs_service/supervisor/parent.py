@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from dfvs_common.child import describe_end
 from dfvs_common.lifecycle import EXIT_CANNOT_RUN, EXIT_FAILED, handle_ending_signals
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import MS
@@ -153,7 +154,7 @@ class Parent:
         """Say that the gate did not end by itself."""
         code = self._gate.code
         if code is not None and code < 0 and self._code is None and not self._stop_requested:
-            end = self._gate.describe_end()
+            end = describe_end(code)
             self._report(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
 
     def _step(self) -> None:
@@ -194,7 +195,7 @@ class Parent:
         code = child.code
         if code is None:
             return
-        self._report(f"warning: {name} {child.describe_end()}")
+        self._report(f"warning: {name} {describe_end(code)}")
         if self._heartbeat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_FAILED
             self._stop_requested = True
@@ -204,7 +205,7 @@ class Parent:
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
             if child is not None and child.code is not None:
-                self._report_recorder(f"warning: the {name} {child.describe_end()}; {loss}")
+                self._report_recorder(f"warning: the {name} {describe_end(child.code)}; {loss}")
 
     def _report_recorder(self, line: str) -> None:
         """Say a warning of recorder or black box, and have the gate show it to operators."""
