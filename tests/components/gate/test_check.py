@@ -21,7 +21,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.topics import Topics
-from dfvs_service.preflight.watch_only import watching
+from dfvs_service.preflight.check import watching
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.settings.sections import ZenohSection
