@@ -148,7 +148,7 @@ def test_patience_with_the_next_goal_runs_in_servo_alone(state):
     rig = Rig((40.0, 180.0))
     rig.stay(40.0, 7)
     rig.state = state
-    assert not any(report.lost for report in rig.stay(40.0, 20))
+    assert not any(report.lost for report in rig.stay(40.0, 10))
 
 
 def test_one_goal_is_no_route():
