@@ -115,20 +115,15 @@ def test_advice_names_what_is_missing():
     assert "hold it so near" in advice
 
 
-@pytest.mark.parametrize(
-    ("tilt_deg", "name"),
-    [((0, 25), "right"), ((0, -25), "left"), ((25, 0), "down"), ((-25, 0), "up")],
-)
-def test_tilts_are_told_apart(tilt_deg, name):
-    """Turned about the picture's y axis by 25 degrees, the right edge comes nearer or goes away."""
+@pytest.mark.parametrize("tilt_deg", [(0, 25), (0, -25), (25, 0), (-25, 0)])
+def test_tilts_are_told_apart(tilt_deg):
     view = flat_view(tilt_deg)
-    near_edge = view.pixels.reshape(4, 6, 2)
     tilts = coverage_of([view], (640, 480)).tilts
     assert sum(tilts.values()) == 1
     (found,) = [key for key, count in tilts.items() if count]
-    left = np.ptp(near_edge[:, 0, 1])
-    right = np.ptp(near_edge[:, -1, 1])
-    top, bottom = np.ptp(near_edge[0, :, 0]), np.ptp(near_edge[-1, :, 0])
+    corners = view.pixels.reshape(4, 6, 2)
+    left, right = np.ptp(corners[:, 0, 1]), np.ptp(corners[:, -1, 1])
+    top, bottom = np.ptp(corners[0, :, 0]), np.ptp(corners[-1, :, 0])
     # What is turned away looks smaller.
     smaller = {
         "left": left < right,
