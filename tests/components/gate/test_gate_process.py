@@ -4,6 +4,7 @@ The vehicle records on its own side what reaches it. Times are monotonic and the
 processes of a machine.
 """
 
+import contextlib
 import itertools
 import json
 import math
@@ -12,6 +13,7 @@ import signal
 import subprocess
 import time
 
+import psutil
 import pytest
 from gate_flight import HoveringVehicle, hovering_vehicle, service_running, side_by_side, speed
 from signed_commands import signed
@@ -211,11 +213,9 @@ def lose_the_parent(vehicle, folder, how):
 
 def ended(pid):
     """Whether a process runs no more; an unreaped one does not count as running."""
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rsplit(")", 1)[1].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    return True
 
 
 def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp_path):

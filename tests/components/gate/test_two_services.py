@@ -7,10 +7,10 @@ import subprocess
 import sys
 import time
 import tomllib
-from pathlib import Path
 
 import cv2
 import numpy as np
+import psutil
 import pytest
 from gate_flight import hovering_vehicle, service_running
 from loopback import free_endpoint, listening_peer
@@ -34,12 +34,11 @@ def goal(tmp_path):
 def left_running(session):
     """Command lines of a session's processes that have not ended."""
     left = []
-    for entry in Path("/proc").iterdir():
-        with contextlib.suppress(OSError, ValueError):
-            if os.getsid(int(entry.name)) != session:
-                continue
-            if entry.joinpath("stat").read_text().rsplit(")", 1)[1].split()[0] != "Z":
-                left.append(entry.joinpath("cmdline").read_text())
+    for process in psutil.process_iter():
+        with contextlib.suppress(ProcessLookupError, psutil.NoSuchProcess):
+            is_ours = os.getsid(process.pid) == session
+            if is_ours and process.status() != psutil.STATUS_ZOMBIE:
+                left.append(process.cmdline())
     return left
 
 
