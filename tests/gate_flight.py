@@ -122,7 +122,8 @@ class Flight:
         return self.vehicle.events("setpoint", max(since_ns, self.start_ns))
 
     def modes_asked(self) -> list[str]:
-        return [e["mode"] for e in self.vehicle.events("mode_command", self.start_ns)]
+        events = self.vehicle.events("mode_command", self.start_ns)
+        return [e["mode"] for e in events]
 
     def settle(self, seconds: float = 0.6) -> Flight:
         """Let time pass in which something wrong could still happen."""

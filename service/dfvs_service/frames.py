@@ -1,4 +1,4 @@
-"""Frames between processes: raw samples of the wire, captured images, images of frame records."""
+"""Frames between processes: raw samples, captured images, and the images of frame records."""
 
 from dataclasses import dataclass
 

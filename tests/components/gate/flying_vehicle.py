@@ -85,13 +85,15 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--record", type=Path, required=True)
+    parser.add_argument("--on-ground", action="store_true")
     args = parser.parse_args()
     record = VehicleRecord(args.record)
     begin_ns = time.monotonic_ns() - AHEAD_NS
     journal: Callable[..., None] = record
     config = VehicleConfig(parameters=PARAMETERS)
     px4 = Px4(config, begin_ns, np.random.default_rng(1), journal)
-    take_off(px4, begin_ns, begin_ns + AHEAD_NS)
+    if not args.on_ground:
+        take_off(px4, begin_ns, begin_ns + AHEAD_NS)
     link = UdpLink(COMPANION, UdpPorts(0, args.port))
     os.set_blocking(sys.stdin.fileno(), False)
     print("ready", flush=True)
