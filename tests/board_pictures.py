@@ -19,7 +19,7 @@ def _rays(camera):
     return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
 
 
-def board_picture(board, camera, T_camera_board, rng, noise=2.0):
+def board_picture(board, camera, T_camera_board, rng):
     """(H, W, 3) uint8: the board before grey, by ray tracing with 2 x 2 samples a pixel.
 
     The board's origin is its middle; its x is right and its y down.
@@ -38,7 +38,7 @@ def board_picture(board, camera, T_camera_board, rng, noise=2.0):
     )
     seen[depth <= 0] = 128.0
     grey = 20 + 0.8 * cv2.resize(seen, camera.size, interpolation=cv2.INTER_AREA)
-    grey = grey + rng.normal(0, noise, grey.shape)
+    grey = grey + rng.normal(0, 2.0, grey.shape)
     return np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 

@@ -113,6 +113,11 @@ class Flight:
     def errors(self) -> str:
         return (self.folder / "parent.err").read_text()
 
+    def error(self) -> str:
+        """Give the one error that the user reads."""
+        (line,) = [line for line in self.errors().splitlines() if line.startswith("error:")]
+        return line
+
     def setpoints(self, since_ns: int = 0) -> list[dict[str, Any]]:
         return self.vehicle.events("setpoint", max(since_ns, self.start_ns))
 

@@ -1,6 +1,6 @@
 """A short flight as perception would tell it to a recorder: real matching, a clock in hand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from textured_wall import Wall, texture, turned
@@ -20,7 +20,6 @@ from dfvs_service.perception.assembly import (
     servo_task,
 )
 from dfvs_service.perception.recorder import FrameRecorder
-from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.messages import servo_document
 from dfvs_service.record.recorder import Recorder
 from dfvs_service.settings.config import load_config
@@ -78,20 +77,14 @@ def fly(
     eye = build_frame_processor(
         config, goal, flow_matcher(config.flow), Clocks(CLOCK, clock, clock), depth_network(config)
     )
-    headers = SessionHeaders(config, CLOCK)
-    opening = replace(headers.make(goal), opened_ns=clock())
-    book = FrameRecorder()
-    book.open(opening)
-    events = [(opening, encode_png(goal.image))]
+    book = FrameRecorder(config, CLOCK, clock)
+    events = [(book.open(goal), encode_png(goal.image))]
     for i in range(frames):
         if i == next_goal_at:
             observation = None if preview is None else preview().observation
-            eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
-            opening = replace(
-                headers.make(following, book.next_record, eye.observed_ns),
-                opened_ns=clock(),
-            )
-            book.open(opening)
+            view = eye.pipeline.prepare(following)
+            eye.pipeline.set_goal(servo_task(config, following), view, observation)
+            opening = book.open(following, eye.pipeline.observed_ns)
             events.append((opening, encode_png(following.image)))
         heard = [status_at(clock, i, k) for k in range(3)]
         for status in heard:
@@ -112,9 +105,10 @@ def fly(
         outcome = glance.frame_result
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.with_sample(sample, heard, glance, servo), payload))
-        eye.work_between_frames()
+        eye.pipeline.work_between_frames()
         if i == preview_of:
-            preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
+            view = eye.pipeline.prepare(following)
+            preview = eye.pipeline.evaluate_next_goal(servo_task(config, following), view)
     return RecordedFlight(events)
 
 

@@ -116,7 +116,7 @@ class TelemetryVehicle:
         self.topics = Topics(name)
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
-        self.pictures = TelemetryImages(CLOCK, 0.3, 70)
+        self.pictures = TelemetryImages(CLOCK, 0.3, 70, 1_000_000)
         self.goal, self.views, self.flows = approach()
         self.is_paused = False
         self.mounting_score = 12.3
@@ -128,7 +128,7 @@ class TelemetryVehicle:
         now_ns = time.monotonic_ns()
         self.authority = Authority(key, name, lambda: secrets.token_hex(8), now_ns)
         self.session = open_session(config.zenoh)
-        self.telemetry = Telemetry(self.session, self.topics, print)
+        self.telemetry = Telemetry(self.session, self.topics, print, lambda *_: True)
         self.telemetry.offer_json("config", dump(config))
         self.telemetry.offer("goal", lambda: self.pictures.goal(self.goal, now_ns))
         self.goals = []

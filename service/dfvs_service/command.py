@@ -16,7 +16,6 @@ from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.endpoints import here
 from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
@@ -32,9 +31,7 @@ class CommandError(DfvsError):
 
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
     """Settings with which an operator reaches the service: its router, or the service itself."""
-    listen = tuple(here(endpoint) for endpoint in service.listen)
-    endpoints = service.connect if service.mode == "client" else listen
-    return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
+    return dataclasses.replace(service, mode="client", connect=service.reached_at, listen=())
 
 
 def send_command(

@@ -12,13 +12,14 @@ class Mailbox(Generic[T]):
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self._item: T | None = None
-        self._dropped = 0
+        self.dropped = 0
+        """How many items were replaced before anybody took them."""
 
     def put(self, item: T) -> None:
         """Leave an item, in place of one that was not taken."""
         with self._condition:
             if self._item is not None:
-                self._dropped += 1
+                self.dropped += 1
             self._item = item
             self._condition.notify()
 
@@ -29,9 +30,3 @@ class Mailbox(Generic[T]):
                 self._condition.wait(timeout_s)
             item, self._item = self._item, None
             return item
-
-    @property
-    def dropped(self) -> int:
-        """How many items were replaced before anybody took them."""
-        with self._condition:
-            return self._dropped

@@ -1,4 +1,4 @@
-"""Rate limit of a periodic action."""
+"""Rate limits of periodic actions, and of the published state."""
 
 from __future__ import annotations
 
@@ -24,4 +24,22 @@ class Pace:
         # What is late does not shift what follows, unless a whole period was missed.
         is_missed = now_ns - self.next_ns >= self.period_ns
         self.next_ns = (now_ns if is_missed else self.next_ns) + self.period_ns
+        return True
+
+
+@dataclass(slots=True)
+class StatePace:
+    """Lets a gate's status through at a rate, and at once where its state is another one.
+
+    The last state of a service that ends is followed by nothing that would show it.
+    """
+
+    pace: Pace
+    _state: str = ""
+
+    def due(self, state: str, now_ns: int) -> bool:
+        """Whether to publish a status of this state."""
+        if not self.pace.due(now_ns) and state == self._state:
+            return False
+        self._state = state
         return True

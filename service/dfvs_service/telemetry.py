@@ -49,7 +49,7 @@ class Telemetry:
     topics : Topics
     report : callable
         Takes one line about a failure of the thread, from any thread.
-    keep : callable, optional
+    keep : callable
         Takes stream and payload for the black box and returns whether that is settled; must not
         block.
     """
@@ -59,7 +59,7 @@ class Telemetry:
         session: zenoh.Session,
         topics: Topics,
         report: Callable[[str], None],
-        keep: Callable[[str, bytes], bool] | None = None,
+        keep: Callable[[str, bytes], bool],
     ) -> None:
         self._keep = keep
         self._owed: dict[str, bytes] = {}
@@ -108,22 +108,21 @@ class Telemetry:
         return stream not in _ON_DEMAND or has_subscriber(self._publisher(stream))
 
     def _put(self, stream: str, note: Note) -> None:
-        if self._keep is not None:
-            self._copy(self._keep, stream, note.payload if note.kept is None else note.kept)
+        self._copy(stream, note.payload if note.kept is None else note.kept)
         if stream in _NOT_PUBLISHED:
             return
         self._publisher(stream).put(
             note.payload, encoding=note.encoding, attachment=note.attachment
         )
 
-    def _copy(self, keep: Callable[[str, bytes], bool], stream: str, payload: bytes) -> None:
+    def _copy(self, stream: str, payload: bytes) -> None:
         """Give the black box what it keeps."""
         if stream in _KEPT:
-            keep(stream, payload)
+            self._keep(stream, payload)
         elif stream in _KEPT_ONCE:
             self._owed[stream] = payload
         for owed in tuple(self._owed):
-            if keep(owed, self._owed[owed]):
+            if self._keep(owed, self._owed[owed]):
                 del self._owed[owed]
 
     def _publisher(self, stream: str) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:

@@ -12,7 +12,7 @@ import zenoh.ext
 
 from dfvs_common import zenoh_session
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles
+from dfvs_core.messages.zenoh_settings import Encryption
 from dfvs_service.ports import require_free_zenoh_ports, zenoh_port
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -117,25 +117,16 @@ def _socket_endpoint(runtime: RuntimeFolder) -> str:
 
 
 def require_usable_files(section: ZenohSection) -> None:
-    """Refuse certificates that no trying again makes usable.
+    """Refuse certificates that no trying again makes usable, before Zenoh says it less clearly.
 
     Raises
     ------
     ConfigError
-        If a certificate's file cannot be used.
+        If a file is not named or cannot be read, or others may read the private key.
     """
-    if section.tls is not None:
-        check_files(section.tls)
-
-
-def check_files(files: TlsFiles) -> None:
-    """Find what is wrong with the certificates' files before Zenoh says it less clearly.
-
-    Raises
-    ------
-    ConfigError
-        If one is not named or cannot be read, or others may read the private key.
-    """
+    files = section.tls
+    if files is None:
+        return
     for name in ("ca", "certificate", "key"):
         path = Path(getattr(files, name))
         try:

@@ -125,9 +125,9 @@ def flown(rooms, poses, goals):
         glance = eye.process(flight.sample())
         outcome.reports.append(route.amend(glance.report))
         if glance.frame_result is not None:
-            route.follow(eye, glance.frame_result, flight.now_ns)
-        eye.work_between_frames()
-        if route.go_on(eye, flight.now_ns):
+            route.follow(glance.frame_result, flight.now_ns, engaged=True)
+        eye.pipeline.work_between_frames()
+        if route.go_on(eye.pipeline, flight.now_ns):
             outcome.passed.append(pose_error(flight.camera_pose(), poses[route.index]))
         if outcome.reports[-1].reached:
             break

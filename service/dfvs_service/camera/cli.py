@@ -1,40 +1,29 @@
 """``dfvs-camera``: publish a camera, calibrate it, take goal images with it."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from dfvs_common.lifecycle import run_command
 
 
-def _publish(words: Sequence[str]) -> int:
-    from dfvs_service.camera.publish import run
+def _run(words: Sequence[str]) -> int:
+    """Run the command that the first word names, or else publish; each loads what it needs."""
+    match words:
+        case ["board", *options]:
+            from dfvs_service.camera.calibration.command import run_board
 
-    return run(words)
+            return run_board(options)
+        case ["calibrate", *options]:
+            from dfvs_service.camera.calibration.command import run as calibrate
 
+            return calibrate(options)
+        case ["goal", *options]:
+            from dfvs_service.camera.goal import run as take_goal
 
-def _board(words: Sequence[str]) -> int:
-    from dfvs_service.camera.calibration.command import run_board
+            return take_goal(options)
+    from dfvs_service.camera.publish import run as publish
 
-    return run_board(words)
-
-
-def _calibrate(words: Sequence[str]) -> int:
-    from dfvs_service.camera.calibration.command import run
-
-    return run(words)
-
-
-def _goal(words: Sequence[str]) -> int:
-    from dfvs_service.camera.goal import run
-
-    return run(words)
-
-
-_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
-    "board": _board,
-    "calibrate": _calibrate,
-    "goal": _goal,
-}
+    return publish(words)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,8 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     quiet_libraries()
     words = list(sys.argv[1:] if argv is None else argv)
-    command = _COMMANDS.get(words[0]) if words else None
-    return run_command(lambda: _publish(words) if command is None else command(words[1:]))
+    return run_command(lambda: _run(words))
 
 
 if __name__ == "__main__":

@@ -57,11 +57,6 @@ class LiveFeed:
         self._thread = threading.Thread(target=self._work, name="camera", daemon=True)
         self._thread.start()
 
-    @property
-    def dropped(self) -> int:
-        """Images that were replaced by newer ones before they were taken."""
-        return self._mailbox.dropped
-
     def receive(self, timeout_s: float) -> CapturedImage | None:
         """Newest image.
 

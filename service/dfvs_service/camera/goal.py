@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_source_options(parser, required=True)
+    add_source_options(parser)
     add_calibration_option(parser)
     add_settings_options(parser)
     parser.add_argument("--mavlink", metavar="URL", help="take the attitude from this autopilot")

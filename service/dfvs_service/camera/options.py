@@ -12,11 +12,9 @@ from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import Source, SourceOptions
-from dfvs_service.camera.sources.spec import SourceSpec, parse_source
+from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
+from dfvs_service.camera.sources.spec import parse_source
 from dfvs_service.settings.calibration_file import read_calibration
-from dfvs_service.settings.endpoints import here
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
 
@@ -26,11 +24,11 @@ def log(text: str) -> None:
     progress.log(f"camera: {text}")
 
 
-def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
+def add_source_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--source`` and how to open it."""
     parser.add_argument(
         "--source",
-        required=required,
+        required=True,
         metavar="SOURCE",
         help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, image or folder",
     )
@@ -92,33 +90,23 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
     return SourceOptions(size, rate, round(arguments.latency_ms * 1e6))
 
 
-def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
-    """Start to take images from a source.
-
-    Raises
-    ------
-    DfvsError
-        If a recording cannot be opened.
-    """
-
-    def opener() -> Source:
-        return open_source(spec, options)
-
-    if spec.is_live:
-        return LiveFeed(opener, log)
-    return RecordedFeed(opener, options.rate_hz, loop=loop)
-
-
 def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:
     """Images of ``--source``.
 
     Raises
     ------
     DfvsError
-        If there is no such source, or an option is wrong.
+        If there is no such source, a recording cannot be opened, or an option is wrong.
     """
     options = source_options(arguments, wanted)
-    return open_feed(parse_source(arguments.source), options, loop=arguments.loop)
+    spec = parse_source(arguments.source)
+
+    def opener() -> Source:
+        return open_source(spec, options)
+
+    if spec.is_live:
+        return LiveFeed(opener, log)
+    return RecordedFeed(opener, options.rate_hz, loop=arguments.loop)
 
 
 def quiet_libraries() -> None:
@@ -129,8 +117,5 @@ def quiet_libraries() -> None:
 
 def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     """Settings with which a camera reaches the service: its router, or the service itself."""
-    listen = tuple(here(endpoint) for endpoint in service.listen)
-    endpoints = service.connect if service.mode == "client" else listen
-    if connect is not None:
-        endpoints = (connect,)
+    endpoints = service.reached_at if connect is None else (connect,)
     return dataclasses.replace(service, connect=endpoints, listen=())

@@ -48,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
         "the camera's calibration.",
         _EPILOG,
     )
-    add_source_options(made, required=True)
+    add_source_options(made)
     add_calibration_option(made)
     add_zenoh_options(made)
     made.add_argument(

@@ -45,13 +45,7 @@ class PublishOptions:
 
 
 class FramePublisher:
-    """Puts frames on the vehicle's camera key, and its calibration for whoever asks.
-
-    Parameters
-    ----------
-    session : zenoh.Session
-    options : PublishOptions
-    """
+    """Puts frames on the vehicle's camera key, and its calibration for whoever asks."""
 
     def __init__(self, session: zenoh.Session, options: PublishOptions) -> None:
         topics = Topics(options.vehicle)

@@ -44,10 +44,10 @@ class Validity:
         return Validity(self.begin, min(self.end, certificate.not_valid_after_utc))
 
 
-def make_authority(name: str, validity: Validity) -> Credentials:
+def make_authority(validity: Validity) -> Credentials:
     """Authority that signs the roles' certificates, and nothing below them."""
     key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "DFVS authority")])
     usage = x509.KeyUsage(
         key_cert_sign=True,
         crl_sign=True,

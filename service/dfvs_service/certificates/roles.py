@@ -114,7 +114,7 @@ def _write_router_file(path: Path, document: dict[str, object]) -> None:
 def _authority(folder: Path, validity: Validity) -> Credentials:
     if folder.exists():
         return read_authority(folder)
-    authority = make_authority("DFVS authority", validity)
+    authority = make_authority(validity)
     write_credentials(folder, authority, authority)
     print(f"wrote {folder}; keep it off the aircraft")
     return authority

@@ -1,6 +1,5 @@
 """``python -m dfvs_service.gate --runtime DIR``: started by the service, not by hand."""
 
-import argparse
 import os
 import shutil
 import signal
@@ -9,7 +8,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import EXIT_FAILED, ORPHANED, cannot_run, end_with_parent
+from dfvs_common.lifecycle import EXIT_FAILED, ORPHANED, cannot_run
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
 from dfvs_service.gate.autopilot import Autopilot
@@ -20,18 +19,13 @@ from dfvs_service.gate.process import (
 )
 from dfvs_service.settings.config import config_from_json
 from dfvs_service.settings.key_file import load_key
-from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.child_process import leave_terminal_to_parent
+from dfvs_service.supervisor.child_process import begin_child
 from dfvs_service.supervisor.priority import prefer_this_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the gate; its standard input is the parent's pipe."""
-    parser = argparse.ArgumentParser(prog="dfvs_service.gate", description=__doc__)
-    parser.add_argument("--runtime", type=Path, required=True)
-    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
-    leave_terminal_to_parent()
-    end_with_parent(number=ORPHANED)
+    runtime = begin_child("dfvs_service.gate", argv, __doc__)
     config = config_from_json(runtime.config.read_text(encoding="utf-8"))
     key_file = config.gate.command_key_file
     key = load_key(Path(key_file)) if key_file else None

@@ -92,11 +92,6 @@ class Autopilot:
             self._note("mavsdk", plain_text(message))
         return True
 
-    @property
-    def is_open(self) -> bool:
-        """Whether messages can be sent."""
-        return self._direct is not None
-
     def connect(self, url: str, timeout_s: float) -> None:
         """Open the connection and wait for an autopilot; blocks.
 

@@ -17,6 +17,7 @@ from dfvs_core.messages.link import (
     to_datagram,
     to_gate,
 )
+from dfvs_core.messages.schema import to_json
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
@@ -134,7 +135,7 @@ class IpcServer:
         data = to_datagram(status)
         self._send(data, self._runtime.perception_socket)
         self._send(data, self._runtime.link_socket)
-        self._send(heartbeat.to_bytes(), self._runtime.parent_socket)
+        self._send(to_json(heartbeat), self._runtime.parent_socket)
 
     def _send(self, data: bytes, address: Path) -> None:
         # A reader that is gone or slow is noticed by other means; the loop never waits for it.

@@ -87,11 +87,9 @@ class NameLease:
 
     def close(self) -> None:
         """Give the lease back."""
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-        if self._standby is not None:
-            self._standby.undeclare()  # type: ignore[no-untyped-call]
-        if self._in_command is not None:
-            self._in_command.undeclare()  # type: ignore[no-untyped-call]
+        for held in (self._subscriber, self._standby, self._in_command):
+            if held is not None:
+                held.undeclare()  # type: ignore[no-untyped-call]
 
     def _declare(self, part: str) -> zenoh.LivelinessToken:
         return self._liveliness.declare_token(self._topics.lease(part, self.name))

@@ -23,8 +23,7 @@ from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
 from dfvs_service.operator_link.name_lease import NameLease
-from dfvs_service.operator_link.state_pace import StatePace
-from dfvs_service.pace import Pace
+from dfvs_service.pace import Pace, StatePace
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry

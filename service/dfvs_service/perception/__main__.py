@@ -5,20 +5,13 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_service.perception.process import PerceptionProcess
-from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import load_goals
-from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child_process import run_child
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run perception until SIGTERM."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    return run_child("dfvs_service.perception", argv, _make)
-
-
-def _make(config: ServiceConfig, runtime: RuntimeFolder) -> PerceptionProcess:
-    return PerceptionProcess(config, load_goals(runtime), runtime)
+    return run_child("dfvs_service.perception", argv, PerceptionProcess)
 
 
 if __name__ == "__main__":

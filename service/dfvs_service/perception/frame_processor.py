@@ -3,23 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from dfvs_core.gate.states import GateState
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame
-from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.link import GateStatus, PerceptionReport
 from dfvs_core.perception.frame_result import UNKNOWN_ERROR, FrameResult
 from dfvs_core.perception.frame_validator import Expected, GuardState, admit
-from dfvs_core.perception.goal_preview import GoalView, Preview
-from dfvs_core.perception.goal_tracker import Observation
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import VehicleHistory
-from dfvs_core.servo.task import ServoTask
 from dfvs_service.frames import RawSample
-
-SERVO_STATES = frozenset({"SERVO"})
-"""States in which the error must fall."""
-PAUSED_STATES = frozenset({"HOLD"})
-"""States that interrupt those: the time in which the error must fall stands still."""
 
 UNKNOWN_ATTITUDE = "the vehicle's attitude at capture is not known"
 """Why a good frame is refused."""
@@ -63,17 +55,20 @@ class FrameProcessor:
         self, camera: CameraModel, pipeline: Pipeline, clock: bytes, tick: Callable[[], int]
     ) -> None:
         self._expected = Expected(camera, clock)
-        self._pipeline = pipeline
+        self.pipeline = pipeline
         self._tick = tick
         self._validator_state = GuardState()
         self._history = VehicleHistory()
-        self._servoing = self._paused = False
+        self.servoing = False
+        """Whether the vehicle follows, so that the error must fall."""
+        self._paused = False
+        """Whether that is interrupted: the time in which the error must fall stands still."""
         self.refused = 0
 
     def on_gate_status(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
-        self._servoing = status.state in SERVO_STATES
-        self._paused = status.state in PAUSED_STATES
+        self.servoing = status.state == GateState.SERVO
+        self._paused = status.state == GateState.HOLD
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
@@ -91,8 +86,8 @@ class FrameProcessor:
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, UNKNOWN_ATTITUDE)
         frame = replace(frame, t_arrival_ns=sample.t_arrival_ns)
         t_decoded = self._tick()
-        frame_result = self._pipeline.process_frame(
-            frame, motion, self._servoing, paused=self._paused
+        frame_result = self.pipeline.process_frame(
+            frame, motion, self.servoing, paused=self._paused
         )
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
@@ -102,36 +97,6 @@ class FrameProcessor:
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
         return ProcessedFrame(frame_result.report, t_start, frame, frame_result, stages)
-
-    @property
-    def servoing(self) -> bool:
-        """Whether the vehicle follows, so that the error must fall."""
-        return self._servoing
-
-    def prepare(self, goal: Goal) -> GoalView:
-        """Compute once what depends on another goal's image alone."""
-        return self._pipeline.prepare(goal)
-
-    @property
-    def observed_ns(self) -> int | None:
-        """See :attr:`Pipeline.observed_ns`."""
-        return self._pipeline.observed_ns
-
-    def evaluate_next_goal(
-        self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
-    ) -> Preview | None:
-        """Preview of another goal from a keyframe; see :meth:`Pipeline.evaluate_next_goal`."""
-        return self._pipeline.evaluate_next_goal(task, goal, t_capture_ns)
-
-    def set_goal(
-        self, task: ServoTask, goal: GoalView, observation: Observation | None = None
-    ) -> None:
-        """Go on to another goal with what is known of the vehicle, the camera and depth."""
-        self._pipeline.set_goal(task, goal, observation)
-
-    def work_between_frames(self) -> int:
-        """Do what may wait until the last frame's report was sent; time taken, ns."""
-        return self._pipeline.work_between_frames()
 
     def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> ProcessedFrame:
         self.refused += 1

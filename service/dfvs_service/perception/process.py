@@ -5,7 +5,6 @@ import gc
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any
@@ -14,7 +13,7 @@ import zenoh
 
 from dfvs_common.clock import local_clock
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
@@ -34,19 +33,18 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame, unhealthy_report
+from dfvs_service.perception.frame_processor import ProcessedFrame, unhealthy_report
 from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
 from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import commanded_goal
+from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import inner_zenoh, open_persistently, open_within
@@ -68,15 +66,17 @@ class PerceptionProcess:
     ----------
     config : ServiceConfig
         Resolved settings, the camera's intrinsics among them.
-    goals : sequence of Goal
-        Where to fly to: one goal, or several in a row.
     runtime : RuntimeFolder
-        Where the service's processes meet.
+        Where the service's processes meet, with the goals to fly to in a row.
+
+    Raises
+    ------
+    DfvsError
+        If a goal or a model cannot be used.
     """
 
-    def __init__(
-        self, config: ServiceConfig, goals: Sequence[Goal], runtime: RuntimeFolder
-    ) -> None:
+    def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
+        goals = load_goals(runtime)
         self._config = config
         self._topics = Topics(config.vehicle.name)
         self._runtime = runtime
@@ -96,11 +96,13 @@ class PerceptionProcess:
             FrameRateLimiter(camera.size, time.monotonic_ns()) if is_dfvs_source else None
         )
         self._matcher = flow_matcher(config.flow)
-        self._depth = depth_network(config)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="next-goal")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
-        self._frame_processor = self._build_frame_processor(goal)
+        clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
+        self._frame_processor = build_frame_processor(
+            config, goal, self._matcher, clocks, depth_network(config)
+        )
         self._last_frame_ns = time.monotonic_ns()
         section = config.telemetry
         self._images = TelemetryImages(
@@ -115,7 +117,7 @@ class PerceptionProcess:
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
-        self._recorder, self._headers = FrameRecorder(), SessionHeaders(config, self._clock)
+        self._recorder = FrameRecorder(config, self._clock)
         self._stopped = False
 
     def run(self) -> None:
@@ -161,16 +163,9 @@ class PerceptionProcess:
         log.warning("%s", text)
         self._send(unhealthy_report(0, 0, text))
 
-    def _build_frame_processor(self, goal: Goal) -> FrameProcessor:
-        clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_frame_processor(self._config, goal, self._matcher, clocks, self._depth)
-
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Publish the session header of the frame records from here on, and the goal."""
-        header = self._headers.make(
-            self._goal, self._recorder.next_record, self._frame_processor.observed_ns
-        )
-        self._recorder.open(header)
+        header = self._recorder.open(self._goal, self._frame_processor.pipeline.observed_ns)
         publisher.offer(header, encode_png(self._goal.image))
         image, now_ns = self._goal.image, time.monotonic_ns()
         telemetry.offer("goal", lambda: self._images.goal(image, now_ns))
@@ -192,9 +187,8 @@ class PerceptionProcess:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
-        self._frame_processor.set_goal(
-            servo_task(self._config, self._goal), self._frame_processor.prepare(self._goal)
-        )
+        pipeline = self._frame_processor.pipeline
+        pipeline.set_goal(servo_task(self._config, self._goal), pipeline.prepare(self._goal))
         self._publish_goal(telemetry, publisher)
         log.info("looking for the goal %s", digest[:12])
 
@@ -231,7 +225,7 @@ class PerceptionProcess:
             publisher.offer(
                 self._recorder.with_sample(sample, statuses, processed, servo), sample.payload
             )
-            self._latency.add({"depth": self._frame_processor.work_between_frames()})
+            self._latency.add({"depth": self._frame_processor.pipeline.work_between_frames()})
             self._go_on(processed, telemetry, publisher)
         if self._collection_pace.due(now_ns):
             gc.collect()
@@ -247,9 +241,9 @@ class PerceptionProcess:
         """Go on to the next goal of the route once it is in sight."""
         if processed.frame is None or processed.frame_result is None:
             return
-        t_ns = processed.frame.t_capture_ns
-        self._route.follow(self._frame_processor, processed.frame_result, t_ns)
-        if self._route.go_on(self._frame_processor, t_ns):
+        t_ns, processor = processed.frame.t_capture_ns, self._frame_processor
+        self._route.follow(processed.frame_result, t_ns, engaged=processor.servoing)
+        if self._route.go_on(processor.pipeline, t_ns):
             self._goal = self._route.goal
             log.info("goal %d of %d", self._route.index + 1, self._route.count)
             self._publish_goal(telemetry, publisher)

@@ -76,19 +76,15 @@ class RecordPublisher:
         )
         self._has_matched = threading.Event()
         self._listener = self._records.declare_matching_listener(self._on_matching)
-        self._wanted = patience_s > 0 or has_subscriber(self._records)
-        self._thread = start_watched("record-publisher", self._publish, report)
-
-    @property
-    def wanted(self) -> bool:
+        self.wanted = patience_s > 0 or has_subscriber(self._records)
         """Whether anybody records, or is expected to."""
-        return self._wanted
+        self._thread = start_watched("record-publisher", self._publish, report)
 
     def offer(self, message: SessionHeader | FrameRecord, payload: bytes = b"") -> None:
         """Hand on a message; a frame record that finds the queue full is dropped and counted."""
         queued = _QueuedRecord(message, payload)
         is_record = isinstance(message, FrameRecord)
-        if is_record and not self._wanted:
+        if is_record and not self.wanted:
             return
         with self._condition:
             if is_record and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
@@ -110,7 +106,7 @@ class RecordPublisher:
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         """Zenoh's thread: a first recorder has come, or the last one has gone."""
-        self._wanted = status.matching
+        self.wanted = status.matching
         if status.matching:
             self._has_matched.set()
 
@@ -121,7 +117,7 @@ class RecordPublisher:
                     self._header = pack(queued.message, queued.payload)
                     self._put_header()
                     self._await_recorder()
-                elif self._wanted:
+                elif self.wanted:
                     if time.monotonic() > self._repeat_at_s:
                         self._put_header()
                     self._records.put(pack(queued.message, queued.payload))
@@ -137,7 +133,7 @@ class RecordPublisher:
         if self._patience_s > 0:
             if not self._has_matched.wait(self._patience_s):
                 log.warning("no recorder came within %g s", self._patience_s)
-                self._wanted = has_subscriber(self._records)
+                self.wanted = has_subscriber(self._records)
             self._patience_s = 0.0
 
     def _next(self) -> _QueuedRecord | None:

@@ -1,24 +1,67 @@
-"""Numbered frame records of perception's steps."""
+"""Session headers of a recording, from which a flight can be rerun, and its frame records."""
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
+from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.link import GateStatus, PerceptionReport
+from dfvs_core.messages.schema import dump
 from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import perception_files
+from dfvs_service.perception.build import build_versions
 from dfvs_service.perception.frame_processor import ProcessedFrame
+from dfvs_service.settings.config import ServiceConfig
 
 
 class FrameRecorder:
-    """Numbers frame records from 0, without gaps, and remembers which session header holds."""
+    """Numbers one process's frame records from 0, without gaps, under its session headers.
 
-    def __init__(self) -> None:
-        self.next_record = 0
+    Code and models are hashed once, none of it in flight.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Resolved settings.
+    clock : bytes
+        Identity of the process's monotonic clock.
+    tick : callable
+        That clock: monotonic time in ns.
+
+    Raises
+    ------
+    ModelError
+        If the model's files cannot be read.
+    """
+
+    def __init__(
+        self, config: ServiceConfig, clock: bytes, tick: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._vehicle, self._clock, self._tick = config.vehicle.name, clock.hex(), tick
+        self._settings: dict[str, Any] = dump(config)
+        self._build, self._model = build_versions(), perception_files(config)
+        self._next_record = 0
         self._header_ns = 0
 
-    def open(self, header: SessionHeader) -> None:
-        """Take the session header that holds for the frame records to come."""
-        self._header_ns = header.opened_ns
+    def open(self, goal: Goal, observed_ns: int | None = None) -> SessionHeader:
+        """Session header, as of now, of the frame records to come on the way to a goal.
+
+        ``observed_ns`` is the pipeline's.
+        """
+        self._header_ns = self._tick()
+        return SessionHeader(
+            vehicle=self._vehicle,
+            first_turn=self._next_record,
+            opened_ns=self._header_ns,
+            clock=self._clock,
+            unix_offset_ns=time.time_ns() - self._header_ns,
+            build=self._build,
+            model=self._model,
+            settings=self._settings,
+            sidecar=dump(goal.sidecar),
+            observed_ns=observed_ns,
+        )
 
     def without_sample(
         self, now_ns: int, statuses: Sequence[GateStatus], report: PerceptionReport
@@ -48,5 +91,5 @@ class FrameRecorder:
         )
 
     def _count(self) -> int:
-        number, self.next_record = self.next_record, self.next_record + 1
+        number, self._next_record = self._next_record, self._next_record + 1
         return number

@@ -8,6 +8,7 @@ from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_preview import GoalPreview, GoalView
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.route import (
     RouteLimits,
     RouteState,
@@ -19,7 +20,6 @@ from dfvs_core.perception.route import (
 )
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
-from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import ServiceConfig
 
 
@@ -75,40 +75,40 @@ class RouteFollower:
             )
         return dataclasses.replace(report, reached=False)
 
-    def follow(self, processor: FrameProcessor, frame_result: FrameResult, t_ns: int) -> None:
+    def follow(self, frame_result: FrameResult, t_ns: int, *, engaged: bool) -> None:
         """Update by a frame's result for the current goal; one that coasts says nothing."""
         if self.is_last or frame_result.is_coasting:
             return
         self._state = on_result(
-            self._state, self._limits, frame_result.result, t_ns, engaged=processor.servoing
+            self._state, self._limits, frame_result.result, t_ns, engaged=engaged
         )
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
-    def go_on(self, processor: FrameProcessor, t_ns: int) -> bool:
+    def go_on(self, pipeline: Pipeline, t_ns: int) -> bool:
         """Evaluate the next goal if it is time; returns whether it has become the current one."""
         if self.is_last:
             return False
         if self._evaluation is None:
-            self._begin_evaluation(processor, t_ns)
+            self._begin_evaluation(pipeline, t_ns)
         if self._evaluation is None or not self._evaluation.done():
             return False
         preview, self._evaluation = self._evaluation.result(), None
         self._state = on_preview(self._state, self._limits, preview.result, t_ns)
         if self._ahead is None or not may_go_on(self._state):
             return False
-        processor.set_goal(*self._ahead, preview.observation)
+        pipeline.set_goal(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
         return True
 
-    def _begin_evaluation(self, processor: FrameProcessor, t_ns: int) -> None:
+    def _begin_evaluation(self, pipeline: Pipeline, t_ns: int) -> None:
         """Request a preview of the next goal, if it is time for one."""
         if not wants_preview(self._state, t_ns):
             return
         if self._ahead is None:
             following = self._goals[self.index + 1]
-            self._ahead = servo_task(self._config, following), processor.prepare(following)
-        preview = processor.evaluate_next_goal(*self._ahead)
+            self._ahead = servo_task(self._config, following), pipeline.prepare(following)
+        preview = pipeline.evaluate_next_goal(*self._ahead)
         if preview is not None:
             self._evaluation = self._workers.submit(preview)

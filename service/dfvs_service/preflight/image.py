@@ -15,11 +15,11 @@ from dfvs_service.image_drawing import (
     PAPER,
     SOFT,
     WHITE,
+    draw_flow,
     draw_flow_key,
     resized,
     write_text,
 )
-from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.preflight.live_view import View
 
 _WIDTH = 480

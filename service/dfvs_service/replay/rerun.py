@@ -155,13 +155,12 @@ class Rerunner:
     def set_goal(self, header: SessionHeader, image: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of a session header that follows in the same flight."""
         goal = recorded_goal(header, image)
-        task, view = servo_task(config, goal), self._frame_processor.prepare(goal)
+        pipeline = self._frame_processor.pipeline
+        task, view = servo_task(config, goal), pipeline.prepare(goal)
         preview = None
         if header.observed_ns is not None:
-            preview = self._frame_processor.evaluate_next_goal(task, view, header.observed_ns)
-        self._frame_processor.set_goal(
-            task, view, None if preview is None else preview().observation
-        )
+            preview = pipeline.evaluate_next_goal(task, view, header.observed_ns)
+        pipeline.set_goal(task, view, None if preview is None else preview().observation)
 
     def record(self, record: FrameRecord, payload: bytes) -> Rerun | None:
         """Run one frame record again; None for one that saw nothing."""
@@ -173,7 +172,7 @@ class Rerunner:
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
         processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        self._frame_processor.work_between_frames()
+        self._frame_processor.pipeline.work_between_frames()
         self.processed = processed
         return Rerun(record, processed.report, match_ns, look_ns)
 

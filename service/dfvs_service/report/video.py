@@ -21,11 +21,11 @@ from dfvs_service.image_drawing import (
     PAPER,
     SOFT,
     WHITE,
+    draw_flow,
     draw_flow_key,
     resized,
     write_text,
 )
-from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 

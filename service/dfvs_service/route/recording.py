@@ -137,9 +137,8 @@ class RouteRecorder:
                 self._config, goal, self._matcher, self._clocks
             )
         else:
-            self._frame_processor.set_goal(
-                servo_task(self._config, goal), self._frame_processor.prepare(goal)
-            )
+            pipeline = self._frame_processor.pipeline
+            pipeline.set_goal(servo_task(self._config, goal), pipeline.prepare(goal))
         self._last, self._full_overlap = None, 0.0
         return True
 

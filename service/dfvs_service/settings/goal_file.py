@@ -116,14 +116,15 @@ def route_images(places: Sequence[Path]) -> list[Path]:
     """
     paths: list[Path] = []
     for place in places:
-        inside = sorted(p for p in place.iterdir() if _is_image(p)) if place.is_dir() else [place]
+        inside = sorted(p for p in place.iterdir() if is_image(p)) if place.is_dir() else [place]
         if not inside:
             raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
         paths += inside
     return paths
 
 
-def _is_image(path: Path) -> bool:
+def is_image(path: Path) -> bool:
+    """Whether a file counts as an image, by its name."""
     return path.suffix.lower() in (".png", ".jpg", ".jpeg")
 
 

@@ -11,7 +11,7 @@ from dfvs_core.messages.schema import setting
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import TlsFiles
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
-from dfvs_service.settings.endpoints import is_encrypted, is_private
+from dfvs_service.settings.endpoints import here, is_encrypted, is_private
 
 _WORKING_WIDTHS_PX = (64, 1920)
 _VELOCITY = VelocityLimits()
@@ -71,6 +71,11 @@ class ZenohSection:
     def exposed(self) -> tuple[str, ...]:
         """Endpoints that are unencrypted and leave this machine."""
         return tuple(e for e in (*self.connect, *self.listen) if not is_private(e))
+
+    @property
+    def reached_at(self) -> tuple[str, ...]:
+        """Endpoints at which other programs reach the service: its router's, or its own."""
+        return self.connect if self.mode == "client" else tuple(map(here, self.listen))
 
 
 @dataclass(frozen=True, slots=True)

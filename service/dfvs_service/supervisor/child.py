@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.child import describe_end, start_child
+from dfvs_common.child import start_child
 from dfvs_common.lifecycle import ONE_BLAS_THREAD
 
 STEADY_HEAP = {
@@ -35,6 +35,14 @@ def use_one_blas_thread(module: str) -> None:
         os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
 
 
+def new_lines(path: Path, begin: int) -> bytes:
+    """Whole lines of a file from the byte ``begin`` on."""
+    with path.open("rb") as file:
+        file.seek(begin)
+        data = file.read()
+    return data[: data.rfind(b"\n") + 1]
+
+
 class Child:
     """One of the service's processes, which ends with this one.
 
@@ -54,11 +62,6 @@ class Child:
             raise RuntimeError("the child has no standard input")
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, False)
-
-    @property
-    def pid(self) -> int:
-        """Process id."""
-        return self._process.pid
 
     @property
     def code(self) -> int | None:
@@ -86,13 +89,6 @@ class Child:
 
     def new_errors(self) -> list[str]:
         """Whole lines that it wrote to its standard error since the last call."""
-        with self._stderr.open("rb") as file:
-            file.seek(self._read)
-            data = file.read()
-        end = data.rfind(b"\n") + 1
-        self._read += end
-        return data[:end].decode(errors="replace").splitlines()
-
-    def describe_end(self) -> str:
-        """How it ended, in words."""
-        return describe_end(self.code)
+        lines = new_lines(self._stderr, self._read)
+        self._read += len(lines)
+        return lines.decode(errors="replace").splitlines()

@@ -25,10 +25,20 @@ class ChildProcess(Protocol):
         ...
 
 
-def leave_terminal_to_parent() -> None:
-    """Ignore a terminal's Ctrl-C and its closing, which reach all: the parent sends SIGTERM."""
+def begin_child(
+    name: str, argv: Sequence[str] | None, description: str | None = None
+) -> RuntimeFolder:
+    """Read a child process's command line, and leave its end to its parent.
+
+    A terminal's Ctrl-C and its closing reach all processes: the parent sends SIGTERM.
+    """
+    parser = argparse.ArgumentParser(prog=name, description=description)
+    parser.add_argument("--runtime", type=Path, required=True)
+    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    end_with_parent(number=ORPHANED)
+    return runtime
 
 
 def run_child(
@@ -49,11 +59,7 @@ def run_child(
     make : callable
         Makes the process from the settings and the runtime folder.
     """
-    parser = argparse.ArgumentParser(prog=name)
-    parser.add_argument("--runtime", type=Path, required=True)
-    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
-    leave_terminal_to_parent()
-    end_with_parent(number=ORPHANED)
+    runtime = begin_child(name, argv)
     try:
         process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
         for number in (signal.SIGTERM, ORPHANED):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol, TextIO
 
 from dfvs_common.progress import StatusLine
+from dfvs_service.supervisor.child import new_lines
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
@@ -113,12 +114,9 @@ class JsonLines:
     def _pass_on(self) -> None:
         if not self._log.exists():
             return
-        with self._log.open("rb") as file:
-            file.seek(self._read)
-            data = file.read()
-        end = data.rfind(b"\n") + 1
-        self._read += end
-        self._stream.write(data[:end].decode(errors="replace"))
+        lines = new_lines(self._log, self._read)
+        self._read += len(lines)
+        self._stream.write(lines.decode(errors="replace"))
         self._stream.flush()
 
     def log(self, line: str) -> None:

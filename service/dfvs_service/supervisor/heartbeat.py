@@ -1,11 +1,13 @@
-"""Heartbeats of the gate to its parent."""
-
-from __future__ import annotations
+"""Heartbeats of the gate to its parent, and the detector of a hang by their absence."""
 
 from dataclasses import dataclass
 
 from dfvs_core.gate.checks.preflight import Check
-from dfvs_core.messages.schema import from_json, to_json
+from dfvs_core.gate.config import MS
+
+HEARTBEAT_LIMIT_NS = 300 * MS
+STARTUP_LIMIT_NS = 60_000 * MS
+OWN_PAUSE_NS = 100 * MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,17 +24,33 @@ class Heartbeat:
     checks: tuple[Check, ...] = ()
     """Preflight list, while not engaged."""
 
-    def to_bytes(self) -> bytes:
-        """Datagram of this heartbeat."""
-        return to_json(self)
 
-    @classmethod
-    def from_bytes(cls, data: bytes) -> Heartbeat:
-        """Read a datagram.
+class HangDetector:
+    """Judges a process by the time since its last heartbeat.
 
-        Raises
-        ------
-        WireError
-            If it is not a heartbeat.
-        """
-        return from_json(cls, data)
+    Before the first one only ``STARTUP_LIMIT_NS`` counts: imports can be slow. A watcher that
+    was itself away (a suspended or starved machine) does not blame the watched for that time.
+
+    Parameters
+    ----------
+    now_ns : int
+        Monotonic time at which the process was started.
+    """
+
+    def __init__(self, now_ns: int) -> None:
+        self._alive_ns = now_ns
+        self._looked_ns = now_ns
+        self._has_heartbeat = False
+
+    def on_heartbeat(self, now_ns: int) -> None:
+        """Take a heartbeat that was received now."""
+        self._has_heartbeat = True
+        self._alive_ns = now_ns
+
+    def is_overdue(self, now_ns: int) -> bool:
+        """Look whether the process has to be taken for hung; to be called often."""
+        if now_ns - self._looked_ns > OWN_PAUSE_NS:
+            self._alive_ns += now_ns - self._looked_ns
+        self._looked_ns = now_ns
+        limit_ns = HEARTBEAT_LIMIT_NS if self._has_heartbeat else STARTUP_LIMIT_NS
+        return now_ns - self._alive_ns > limit_ns

@@ -17,19 +17,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from dfvs_common.child import describe_end
 from dfvs_common.lifecycle import EXIT_CANNOT_RUN, EXIT_FAILED, handle_ending_signals
 from dfvs_core.errors import WireError
+from dfvs_core.gate.config import MS
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import ServiceFault, to_datagram
+from dfvs_core.messages.schema import from_json
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import Child
 from dfvs_service.supervisor.console import Display
 from dfvs_service.supervisor.console_writer import ConsoleWriter
-from dfvs_service.supervisor.hang_detector import MS, HangDetector
-from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.heartbeat import HangDetector, Heartbeat
 from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
@@ -152,7 +154,7 @@ class Parent:
         """Say that the gate did not end by itself."""
         code = self._gate.code
         if code is not None and code < 0 and self._code is None and not self._stop_requested:
-            end = self._gate.describe_end()
+            end = describe_end(code)
             self._report(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
 
     def _step(self) -> None:
@@ -186,14 +188,14 @@ class Parent:
             data = self._socket.recv(65536)
             self._hang_detector.on_heartbeat(time.monotonic_ns())
             with contextlib.suppress(WireError):
-                self._heartbeat = Heartbeat.from_bytes(data)
+                self._heartbeat = from_json(Heartbeat, data)
 
     def _check_needed(self, name: str, child: Child) -> None:
         """End a service that lacks a process, once nothing is flown any more."""
         code = child.code
         if code is None:
             return
-        self._report(f"warning: {name} {child.describe_end()}")
+        self._report(f"warning: {name} {describe_end(code)}")
         if self._heartbeat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_FAILED
             self._stop_requested = True
@@ -203,7 +205,7 @@ class Parent:
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
             if child is not None and child.code is not None:
-                self._report_recorder(f"warning: the {name} {child.describe_end()}; {loss}")
+                self._report_recorder(f"warning: the {name} {describe_end(child.code)}; {loss}")
 
     def _report_recorder(self, line: str) -> None:
         """Say a warning of recorder or black box, and have the gate show it to operators."""

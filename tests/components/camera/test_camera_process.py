@@ -3,12 +3,11 @@
 import json
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from loopback import free_endpoint, listening_peer, peer
+from loopback import listening_peer
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
@@ -27,27 +26,25 @@ TIMEOUT_S = 30
 class Listener:
     """Listens where the service would, and keeps every frame."""
 
-    def __init__(self):
-        self.endpoint = free_endpoint()
-        self.session = peer(listen=(self.endpoint,))
+    def __init__(self, session, endpoint):
+        self.endpoint = endpoint
         self.samples, self.calibrations = [], []
-        self.arrived = threading.Event()
-        self.frames = self.session.declare_subscriber(TOPICS.camera, self._on_frame)
-        self.calibration = self.session.declare_subscriber(
+        self.frames = session.declare_subscriber(
+            TOPICS.camera,
+            lambda sample: self.samples.append(
+                (sample.payload.to_bytes(), sample.attachment.to_bytes())
+            ),
+        )
+        self.calibration = session.declare_subscriber(
             TOPICS.calibration,
             lambda sample: self.calibrations.append(json.loads(sample.payload.to_bytes())),
         )
 
-    def _on_frame(self, sample):
-        self.samples.append((sample.payload.to_bytes(), sample.attachment.to_bytes()))
-        self.arrived.set()
-
 
 @pytest.fixture
 def listener():
-    made = Listener()
-    yield made
-    made.session.close()
+    with listening_peer() as (session, endpoint):
+        yield Listener(session, endpoint)
 
 
 def camera(*words):

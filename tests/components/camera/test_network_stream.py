@@ -7,11 +7,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
+from waiting import until
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.source import SourceOptions, open_source
 from dfvs_service.camera.sources.spec import parse_source
 
 PERIOD_S = 0.03
@@ -56,8 +56,8 @@ def served(port=0):
         thread.join(5.0)
 
 
-def shots(feed, count, within_s=20.0):
-    taken, deadline = [], time.monotonic() + within_s
+def shots(feed, count):
+    taken, deadline = [], time.monotonic() + 20.0
     while len(taken) < count and time.monotonic() < deadline:
         shot = feed.receive(0.2)
         if shot is not None:
@@ -82,9 +82,7 @@ def test_a_stream_is_read_lost_and_read_again(lines):
         assert time.monotonic_ns() - first[-1].t_capture_ns > 40_000_000
         times = [shot.t_capture_ns for shot in first]
         assert times == sorted(set(times))
-    deadline = time.monotonic() + 20.0
-    while not lines and time.monotonic() < deadline:
-        feed.receive(0.1)
+    assert until(lambda: feed.receive(0.1) is None and lines, 20.0)
     assert "no more images" in lines[0]
     assert "trying again" in lines[0]
     with served(port):

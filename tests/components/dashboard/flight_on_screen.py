@@ -76,7 +76,7 @@ class Screen:
         self.t_ns, self.wall_ms = time.monotonic_ns(), time.time() * 1e3
         self.shift_ns = 0
         self.port = free_tcp_port()
-        self.pictures = TelemetryImages(CLOCK, 0.3, 70)
+        self.pictures = TelemetryImages(CLOCK, 0.3, 70, 1_000_000)
         self.start()
 
     @property

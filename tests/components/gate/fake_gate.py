@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+from dfvs_core.messages.schema import to_json
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
@@ -43,7 +44,7 @@ def main() -> None:
             os.kill(os.getpid(), signal.SIGKILL)
         if not (late and args.hang):
             beat = Heartbeat(time.monotonic_ns(), args.state, "", warnings=("a parameter is odd",))
-            out.sendto(beat.to_bytes(), str(args.runtime / "parent.sock"))
+            out.sendto(to_json(beat), str(args.runtime / "parent.sock"))
         time.sleep(0.02)
 
 

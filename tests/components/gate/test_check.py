@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -14,12 +15,13 @@ import pytest
 from gate_flight import hovering_vehicle
 from loopback import free_endpoint
 from textured_wall import Wall, texture
+from waiting import until
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.topics import Topics
-from dfvs_service.preflight.watch_only import watching
+from dfvs_service.preflight.check import watching
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.settings.sections import ZenohSection
@@ -82,13 +84,14 @@ class Watch:
 
     def wait(self, name, ok, text="", seconds=60.0):
         """Check of a name, once it is as wanted."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            for check in () if self.beat is None else self.beat.checks:
-                if check.name == name and check.ok is ok and text in check.detail:
-                    return check
-            time.sleep(0.02)
-        raise AssertionError(f"{name} never {ok} {text!r}: {self.beat} {self.lines}")
+
+        def found():
+            checks = () if self.beat is None else self.beat.checks
+            return [c for c in checks if c.name == name and c.ok is ok and text in c.detail]
+
+        fitting = until(found, seconds)
+        assert fitting, f"{name} never {ok} {text!r}: {self.beat} {self.lines}"
+        return fitting[0]
 
 
 @pytest.fixture(scope="module")
@@ -107,27 +110,30 @@ def camera_running(endpoint, picture):
         camera.close()
 
 
-@contextlib.contextmanager
-def service_watching(folder, mavlink_port, endpoint, picture):
-    """The service's real processes, watching only, under a parent in this process."""
+def settings(mavlink_port, endpoint, **gate):
     overrides = {
         "vehicle.name": TOPICS.vehicle,
         "vehicle.mavlink": f"udpin://127.0.0.1:{mavlink_port}",
         "zenoh.listen": [endpoint],
+        "camera.timeout_s": 100,
         "gate.min_frame_hz": 5.0,  # however busy the machine is
+        **{f"gate.{name}": value for name, value in gate.items()},
     }
-    sidecar = GoalSidecar(CAMERA)
-    config, _ = load_config(None, overrides).with_camera(SIZE, sidecar)
-    runtime = RuntimeFolder(folder)
-    prepare_runtime(runtime, watching(config), Goal(picture, sidecar))
-    watch = Watch()
+    return load_config(None, overrides).with_camera(SIZE, GoalSidecar(CAMERA))[0]
+
+
+@contextlib.contextmanager
+def service_running(folder, config, picture):
+    """The service's real processes under a parent in this process; what it shows."""
+    runtime, watch = RuntimeFolder(folder), Watch()
+    prepare_runtime(runtime, config, Goal(picture, GoalSidecar(CAMERA)))
     parent = Parent(runtime, Programs(), watch)
     thread = threading.Thread(target=parent.run)
     thread.start()
     try:
         yield watch
     finally:
-        parent.stop(15, None)
+        parent.stop(signal.SIGTERM, None)
         thread.join(30.0)
 
 
@@ -135,7 +141,7 @@ def test_everything_that_goes_wrong_gets_its_cross_and_its_remedy(vehicle, views
     endpoint = free_endpoint()
     with (
         camera_running(endpoint, views[0]) as camera,
-        service_watching(tmp_path, vehicle.port, endpoint, views[0]) as watch,
+        service_running(tmp_path, watching(settings(vehicle.port, endpoint)), views[0]) as watch,
     ):
         watch.wait("frames", ok=True, seconds=60.0)
         parameters = "COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"

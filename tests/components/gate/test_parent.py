@@ -153,17 +153,12 @@ def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
     os.close(read)
 
 
-def test_a_perception_that_cannot_run_ends_the_service_with_its_error(tmp_path):
-    code, lines, _ = run(tmp_path, [], BROKEN)
+@pytest.mark.parametrize("process", ["perception", "link"])
+def test_a_needed_process_that_cannot_run_ends_the_service_with_its_error(tmp_path, process):
+    code, lines, _ = run(tmp_path, [], **{process: BROKEN})
     assert code == 2
     assert lines.count("error: no such model") == 1
     assert "noise" not in lines
-
-
-def test_an_operator_link_that_cannot_run_ends_the_service_with_its_error(tmp_path):
-    code, lines, _ = run(tmp_path, [], link=BROKEN)
-    assert code == 2
-    assert lines.count("error: no such model") == 1
 
 
 def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(tmp_path):

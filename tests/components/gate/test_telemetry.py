@@ -28,7 +28,7 @@ def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
         return Note(b"grid")
 
     with open_session(zenoh_config) as session:
-        telemetry = Telemetry(session, TOPICS, print)
+        telemetry = Telemetry(session, TOPICS, print, lambda *_: True)
         for stream in ("flow", "preview"):
             telemetry.offer(stream, make)
         told = threading.Event()

@@ -14,8 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-import zenoh
-import zenoh.ext
 from loopback import free_endpoint, peer
 from textured_wall import Wall, texture
 
@@ -44,6 +42,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.settings.config import load_config
+from dfvs_service.zenoh_session import subscribe_kept
 
 pytestmark = pytest.mark.real_time
 
@@ -77,7 +76,10 @@ class Rig:
         self.process = subprocess.Popen([*launcher, *command], stderr=subprocess.PIPE)
         self.seq = 0
 
-    def close(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
@@ -97,10 +99,10 @@ class Rig:
                 return report
         raise AssertionError("no such report")
 
-    def tell_vehicle(self, state="READY"):
+    def tell_vehicle(self):
         vehicle = VehicleState(time.monotonic_ns(), 0.0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
         self.gate.settimeout(STARTUP_S)
-        status = GateStatus(state, "tested", vehicle, goal=self.goal)
+        status = GateStatus("READY", "tested", vehicle, goal=self.goal)
         self.gate.sendto(to_datagram(status), self.address)
 
     def offer(self, picture):
@@ -139,12 +141,9 @@ class Rig:
 
 @contextlib.contextmanager
 def running(folder):
-    rig = Rig(folder, Wall(texture(np.random.default_rng(20))).picture())
-    try:
+    with Rig(folder, Wall(texture(np.random.default_rng(20))).picture()) as rig:
         rig.report()  # it is up
         yield rig
-    finally:
-        rig.close()
 
 
 @pytest.fixture
@@ -196,11 +195,10 @@ def test_frames_become_reports_and_telemetry_until_it_is_told_to_end(rig, rng):
 
 def test_late_joiners_are_told_the_configuration(shared, rng):
     found = []
-    subscriber = zenoh.ext.declare_advanced_subscriber(
+    subscriber = subscribe_kept(
         shared.session,
         TOPICS.telemetry("config"),
         lambda sample: found.append(json.loads(sample.payload.to_bytes())),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
     )
     shared.shoot_until(rng, lambda _: bool(found))
     assert found[0]["vehicle"]["name"] == TOPICS.vehicle
@@ -209,12 +207,7 @@ def test_late_joiners_are_told_the_configuration(shared, rng):
 
 def test_late_joiners_are_shown_the_goal_and_the_flow_while_they_look(shared, rng):
     goals, grids = [], []
-    goal = zenoh.ext.declare_advanced_subscriber(
-        shared.session,
-        TOPICS.telemetry("goal"),
-        lambda sample: goals.append(sample),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-    )
+    goal = subscribe_kept(shared.session, TOPICS.telemetry("goal"), goals.append)
     flow = shared.session.declare_subscriber(
         TOPICS.telemetry("flow"), lambda sample: grids.append(sample.payload.to_bytes())
     )
@@ -320,14 +313,12 @@ def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
         "import os, subprocess, sys; from dfvs_common.lifecycle import child_environment; "
         "subprocess.call(sys.argv[1:], env=os.environ | child_environment())"
     )
-    rig = Rig(tmp_path, Wall(texture(rng)).picture(), launcher=(sys.executable, "-c", code))
-    try:
+    picture = Wall(texture(rng)).picture()
+    with Rig(tmp_path, picture, launcher=(sys.executable, "-c", code)) as rig:
         rig.report()  # it is up
         rig.process.kill()
         # Its end of the error pipe closes when it is gone, and no sooner.
         rig.process.communicate(timeout=STARTUP_S)
-    finally:
-        rig.close()
 
 
 class RouterRig(Rig):
@@ -338,12 +329,9 @@ class RouterRig(Rig):
 
 
 def test_a_router_that_comes_later_is_awaited_and_its_absence_reported(tmp_path):
-    rig = RouterRig(tmp_path, Wall(texture(np.random.default_rng(20))).picture())
-    try:
+    with RouterRig(tmp_path, Wall(texture(np.random.default_rng(20))).picture()) as rig:
         assert "nobody listens on" in rig.report().reason
         with open_session("router", (), (rig.endpoint,)):
             rig.report_where(lambda report: "no camera frame" in report.reason)
         rig.process.terminate()
         assert rig.process.wait(STARTUP_S) == 0
-    finally:
-        rig.close()

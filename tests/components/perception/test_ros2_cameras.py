@@ -50,8 +50,7 @@ class Ros2Rig(Rig):
 
 @pytest.mark.parametrize("source", sorted(LINKS))
 def test_a_ros_2_camera_is_flown_by_like_our_own(tmp_path, rng, source):
-    rig = Ros2Rig(tmp_path, Wall(texture(rng)).picture(), source)
-    try:
+    with Ros2Rig(tmp_path, Wall(texture(rng)).picture(), source) as rig:
         rig.report()
         report = rig.shoot_until(rng, lambda r: r.healthy)
         assert report.error_m < 0.02
@@ -65,5 +64,3 @@ def test_a_ros_2_camera_is_flown_by_like_our_own(tmp_path, rng, source):
         while not warning.startswith("warning: "):
             warning = rig.process.stderr.readline().decode()
         assert "announces a focal length" in warning
-    finally:
-        rig.close()

@@ -4,12 +4,12 @@ import json
 import queue
 
 import pytest
-import zenoh.ext
 from test_perception_process import CAMERA, TOPICS, Rig
 from textured_wall import Wall, texture, turned
 
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import encode_png
+from dfvs_service.zenoh_session import subscribe_kept
 
 pytestmark = pytest.mark.real_time
 
@@ -19,14 +19,12 @@ def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path,
     first, second = wall.picture(), wall.picture(turned(shift=(45.0, 0.0)))
     (tmp_path / "goal-0001.png").write_bytes(encode_png(second))
     (tmp_path / "goal-0001.json").write_text(GoalSidecar(CAMERA).to_json())
-    rig = Rig(tmp_path, first)
-    try:
+    with Rig(tmp_path, first) as rig:
         places = queue.Queue()
-        listener = zenoh.ext.declare_advanced_subscriber(
+        listener = subscribe_kept(
             rig.session,
             TOPICS.telemetry("route"),
             lambda sample: places.put(json.loads(sample.payload.to_bytes())),
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
         rig.report()
         # The camera shows the first goal: it is near at once, and reached for nobody.
@@ -40,5 +38,3 @@ def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path,
         seen = [places.get(timeout=30.0) for _ in range(2)]
         assert [(place["goal"], place["of"]) for place in seen] == [(1, 2), (2, 2)]
         listener.undeclare()
-    finally:
-        rig.close()

@@ -23,6 +23,7 @@ MODULES = {
     "dfvs-metrics": "dfvs_service.live.metrics_cli",
 }
 ANALYZE = shutil.which("systemd-analyze")
+needs_systemd = pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
 LOCKED_UP = {
     "NoNewPrivileges": "yes",
     "ProtectSystem": "strict",
@@ -114,13 +115,28 @@ def copied(name, folder):
     return unit
 
 
+def with_drop_in(unit, text):
+    """The unit with a drop-in of this text."""
+    folder = unit.with_name(f"{unit.name}.d")
+    folder.mkdir(exist_ok=True)
+    (folder / "drop-in.conf").write_text(text)
+    return unit
+
+
+def drop_in_of(page):
+    """The one drop-in that a how-to shows."""
+    text = (DEPLOY.parent / "docs" / "how-to" / page).read_text()
+    (drop_in,) = re.findall(r"```ini\n(.*?)```", text, re.DOTALL)
+    return textwrap.dedent(drop_in)
+
+
 def verify(unit):
     command = [ANALYZE, "verify", "--man=no", str(unit)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+@needs_systemd
 @pytest.mark.parametrize("name", NAMES)
 def test_systemd_finds_nothing_wrong_and_little_exposed(name, tmp_path):
     unit = copied(name, tmp_path)
@@ -135,41 +151,25 @@ def test_systemd_finds_nothing_wrong_and_little_exposed(name, tmp_path):
     assert rated.returncode == 0, rated.stdout[-300:]
 
 
-@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+@needs_systemd
 def test_systemd_reads_the_drop_in_for_certificates(tmp_path):
-    unit = copied("dashboard", tmp_path)
-    page = (DEPLOY.parent / "docs" / "how-to" / "install.md").read_text()
-    (drop_in,) = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
-    folder = tmp_path / "dfvs-dashboard.service.d"
-    folder.mkdir()
-    (folder / "tls.conf").write_text(drop_in)
-    verify(unit)
+    verify(with_drop_in(copied("dashboard", tmp_path), drop_in_of("install.md")))
 
 
-@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+@needs_systemd
 def test_systemd_reads_the_drop_in_for_a_pi_camera_which_opens_its_buffers(tmp_path):
-    unit = copied("camera", tmp_path)
-    page = (DEPLOY.parent / "docs" / "how-to" / "raspberry-pi.md").read_text()
-    (drop_in,) = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
-    drop_in = textwrap.dedent(drop_in)
+    drop_in = drop_in_of("raspberry-pi.md")
     assert "DeviceAllow=char-dma_heap rw" in drop_in.splitlines()
-    folder = tmp_path / "dfvs-camera.service.d"
-    folder.mkdir()
     program = "/opt/dfvs/bin/dfvs-camera"
     assert program in drop_in
-    (folder / "pi.conf").write_text(drop_in.replace(program, sys.executable))
-    verify(unit)
+    verify(with_drop_in(copied("camera", tmp_path), drop_in.replace(program, sys.executable)))
 
 
-@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+@needs_systemd
 def test_systemd_reads_the_drop_in_of_a_jetson(tmp_path):
-    unit = copied("service", tmp_path)
-    folder = tmp_path / "dfvs-service.service.d"
-    folder.mkdir()
-    shutil.copy(DEPLOY / "jetson.conf", folder)
-    verify(unit)
-    minutes_s = re.search(r"^TimeoutStartSec=(\d+)$", (folder / "jetson.conf").read_text(), re.M)
+    unit, text = copied("service", tmp_path), (DEPLOY / "jetson.conf").read_text()
+    verify(with_drop_in(unit, text))
+    minutes_s = re.search(r"^TimeoutStartSec=(\d+)$", text, re.M)
     assert int(minutes_s[1]) >= 600  # TensorRT builds its engines
-    (folder / "jetson.conf").write_text("[Service]\nDeviceAllow=char-nvgpu* maybe\n")
     with pytest.raises(AssertionError):
-        verify(unit)
+        verify(with_drop_in(unit, "[Service]\nDeviceAllow=char-nvgpu* maybe\n"))

@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import zenoh
-import zenoh.ext
 from loopback import free_tcp_port
 from waiting import until
 
@@ -28,7 +27,7 @@ from dfvs_service.certificates.authority import (
 from dfvs_service.certificates.cli import main
 from dfvs_service.operator_link.name_lease import NameLease
 from dfvs_service.settings.config import load_config
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_session, publish_kept, subscribe_kept
 
 OURS, OTHER = Topics("drone1"), Topics("drone2")
 KEYS = {
@@ -70,7 +69,7 @@ MAY_HEAR = {
 
 
 def make_certificates(folder, *words):
-    return main(["--out", str(folder), *words])
+    assert main(["--out", str(folder), *words]) == 0
 
 
 def tls(folder):
@@ -102,10 +101,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("zenoh") / "certificates"
     endpoint = f"tls/127.0.0.1:{free_tcp_port()}"
     (folder.parent / "endpoint").write_text(endpoint)
-    made = make_certificates(
-        folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint
-    )
-    assert made == 0
+    make_certificates(folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint)
     return folder
 
 
@@ -196,23 +192,13 @@ def test_every_name_may_do_its_roles_work_and_nothing_else(hub, folder, nobody):
 
 def test_what_is_kept_reaches_a_dashboard_that_joins_late(hub, folder):
     speaker = client(hub.endpoint, folder / hub.speaker) if hub.speaker else hub.session
-    publisher = zenoh.ext.declare_advanced_publisher(
-        speaker,
-        OURS.telemetry("config"),
-        cache=zenoh.ext.CacheConfig(max_samples=1),
-        publisher_detection=True,
-    )
+    publisher = publish_kept(speaker, OURS.telemetry("config"))
     publisher.put("resolved")
     names = ("dashboard.drone1", "dashboard.drone2", "camera.drone1")
     sessions = {name: client(hub.endpoint, folder / name) for name in names}
     heard = []
     subscribers = [
-        zenoh.ext.declare_advanced_subscriber(
-            sessions[name],
-            key,
-            lambda sample, name=name, key=key: heard.append((name, key)),
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-        )
+        subscribe_kept(sessions[name], key, lambda _, name=name, key=key: heard.append((name, key)))
         for name in names
         for key in (OURS.telemetry("config"), "dfvs/*/config")
     ]
@@ -241,8 +227,7 @@ def test_two_services_of_a_vehicle_see_each_others_lease(hub, folder):
 
 
 def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_path):
-    made = make_certificates(tmp_path / "foreign", "--vehicle", "drone1")
-    assert made == 0
+    make_certificates(tmp_path / "foreign", "--vehicle", "drone1")
     foreign = tmp_path / "foreign" / "camera.drone1"
     # It trusts our authority and has the right name, but a certificate of its own authority.
     shutil.copy(folder / "camera.drone1" / "ca.pem", foreign / "ca.pem")
@@ -250,8 +235,7 @@ def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_p
         client(hub.endpoint, foreign)
     # The other way round: somebody else's server is not believed.
     shutil.copytree(folder / "camera.drone1", tmp_path / "mine")
-    other = make_certificates(tmp_path / "third", "--vehicle", "drone1")
-    assert other == 0
+    make_certificates(tmp_path / "third", "--vehicle", "drone1")
     shutil.copy(tmp_path / "third" / "authority" / "certificate.pem", tmp_path / "mine" / "ca.pem")
     with pytest.raises(ConfigError, match="Zenoh cannot be opened"):
         client(hub.endpoint, tmp_path / "mine")
@@ -284,8 +268,7 @@ def test_a_second_run_keeps_what_is_there_and_adds_what_is_missing(folder):
     before = (folder / "camera.drone1" / "key.pem").read_bytes()
     shutil.rmtree(folder / "recorder.drone2")
     endpoint = (folder.parent / "endpoint").read_text()
-    words = ("--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint)
-    assert make_certificates(folder, *words) == 0
+    make_certificates(folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint)
     assert (folder / "camera.drone1" / "key.pem").read_bytes() == before
     assert (folder / "recorder.drone2" / "key.pem").exists()
 

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from waiting import until
 
 from dfvs_service.camera.feed import LiveFeed, RecordedFeed
 from dfvs_service.camera.publisher import RateReport
@@ -68,9 +69,7 @@ def test_a_lost_camera_is_said_once_and_opened_again():
 
 def test_only_the_newest_picture_is_kept():
     feed = LiveFeed(Openings(Script(1, 2, 3)), lambda _line: None, retry_s=60.0)
-    deadline = time.monotonic() + 5.0
-    while feed.dropped < 2 and time.monotonic() < deadline:
-        time.sleep(0.001)
+    assert until(lambda: feed._mailbox.dropped == 2, 5.0, 0.001)
     assert feed.receive(1.0).t_capture_ns == 3
     assert feed.receive(0.0) is None
     feed.close()

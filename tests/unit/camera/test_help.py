@@ -13,6 +13,9 @@ from dfvs_service.ros2 import cli as ros2
         (camera.main, ["calibrate"]),
         (camera.main, ["goal"]),
         (ros2.main, []),
+        (service.main, []),
+        (service.main, ["config"]),
+        (service.main, ["command"]),
         (service.main, ["teach"]),
     ],
 )

@@ -22,13 +22,12 @@ TCP, UDP = socket.SOCK_STREAM, socket.SOCK_DGRAM
 
 
 @contextlib.contextmanager
-def bound(kind, host="127.0.0.1", port=0, *, shares=False):
+def bound(kind, port=0, *, shares=False):
     """Socket of another program; its port."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, kind) as other:
+    with socket.socket(socket.AF_INET, kind) as other:
         if shares:
             other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        other.bind((host, port))
+        other.bind(("127.0.0.1", port))
         if kind is TCP:
             other.listen()
         yield other.getsockname()[1]

@@ -8,9 +8,8 @@ from dfvs_service.frames import RawSample
 from dfvs_service.preflight.stream import Stream, judge, listen
 
 MS = 1_000_000
-ATTACHMENT = encode_frame(Frame(np.zeros((48, 64, 3), np.uint8), 1, 1), PixelFormat.PNG, bytes(16))[
-    1
-]
+FRAME = Frame(np.zeros((48, 64, 3), np.uint8), 1, 1)
+_, ATTACHMENT = encode_frame(FRAME, PixelFormat.PNG, bytes(16))
 
 
 class Camera:

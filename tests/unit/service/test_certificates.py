@@ -9,13 +9,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from cryptography import x509
 
 from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
     Validity,
     make_authority,
     make_certificate,
+    read_certificate,
     write_credentials,
 )
 from dfvs_service.certificates.cli import main
@@ -36,9 +36,8 @@ def test_every_role_has_a_certificate_of_its_name(folder):
     for vehicle in ("drone1", "drone2"):
         for role in Role:
             name = certificate_name(role, vehicle)
-            data = (folder / name / "certificate.pem").read_bytes()
-            subject = x509.load_pem_x509_certificate(data).subject.rfc4514_string()
-            assert subject == f"CN={name}"
+            certificate = read_certificate(folder / name / "certificate.pem")
+            assert certificate.subject.rfc4514_string() == f"CN={name}"
 
 
 def test_the_router_s_file_names_no_folder_so_that_it_may_be_moved(folder, tmp_path):
@@ -80,8 +79,7 @@ def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_p
 
 
 def end_of(folder, name):
-    data = (folder / name / "certificate.pem").read_bytes()
-    return x509.load_pem_x509_certificate(data).not_valid_after_utc
+    return read_certificate(folder / name / "certificate.pem").not_valid_after_utc
 
 
 def days(begin, end):
@@ -90,7 +88,7 @@ def days(begin, end):
 
 
 def with_authority(folder, validity):
-    authority = make_authority("DFVS authority", validity)
+    authority = make_authority(validity)
     write_credentials(folder / "authority", authority, authority)
     return authority
 

@@ -1,9 +1,10 @@
-"""What a child process is started with."""
+"""What a child process is started with: memory that is resident before a flight, and stays."""
 
 import sys
 
 import pytest
 
+from dfvs_service.perception.preallocation import RESERVE_MB
 from dfvs_service.supervisor.child import Child
 
 TELL = (
@@ -12,6 +13,25 @@ TELL = (
     "names += ('OMP_NUM_THREADS',)\n"
     "print(*(os.environ[name] for name in names), file=sys.stderr)"
 )
+FLIGHT = """
+import gc, resource, sys
+import numpy as np
+from dfvs_service.perception.preallocation import preallocate
+
+def resident_mb():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize() / 2**20
+
+before = resident_mb()
+preallocate()
+settled = resident_mb()
+blocks = [np.ones(300_000, np.uint8) for _ in range(100)]
+flying = resident_mb()
+last = blocks.pop()
+del blocks
+print(round(settled - before), round(flying - settled), round(resident_mb() - settled),
+      gc.get_freeze_count() > 0, last.sum(), file=sys.stderr)
+"""
 
 
 @pytest.mark.parametrize(("arenas", "told"), [(None, "1"), ("7", "7")])
@@ -24,3 +44,15 @@ def test_a_child_has_a_steady_heap_unless_the_user_says_otherwise(
     child = Child((sys.executable, "-c", TELL), tmp_path / "stderr")
     assert child.wait(60.0)
     assert child.new_errors() == [f"{told} {256 << 20} 0 1"]
+
+
+def test_a_flight_takes_no_memory_that_was_not_reserved(tmp_path):
+    child = Child((sys.executable, "-c", FLIGHT), tmp_path / "stderr")
+    assert child.wait(60.0)
+    (line,) = child.new_errors()
+    reserved, taken, left, frozen, kept = line.split()
+    assert RESERVE_MB - 2 <= int(reserved) <= RESERVE_MB + 5
+    assert abs(int(taken)) <= 1
+    assert abs(int(left)) <= 1
+    assert frozen == "True"
+    assert int(kept) == 300_000

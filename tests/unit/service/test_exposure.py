@@ -4,7 +4,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.endpoints import is_private, is_private_mavlink
 from dfvs_service.settings.exposure import exposure_warnings
-from dfvs_service.zenoh_session import check_files
+from dfvs_service.zenoh_session import require_usable_files
 
 PEM = "-----BEGIN CERTIFICATE-----\n"
 
@@ -88,29 +88,29 @@ def test_an_encrypted_endpoint_needs_certificates(key):
 
 
 @pytest.fixture
-def files(tmp_path):
+def section(tmp_path):
     for name in ("ca", "certificate", "key"):
         (tmp_path / name).write_text(PEM)
         (tmp_path / name).chmod(0o600)
     settings = {f"zenoh.tls.{n}": str(tmp_path / n) for n in ("ca", "certificate", "key")}
-    return load_config(None, settings).zenoh.tls
+    return load_config(None, settings).zenoh
 
 
-def test_certificates_that_are_there_pass(files):
-    check_files(files)
+def test_certificates_that_are_there_pass(section):
+    require_usable_files(section)
 
 
 @pytest.mark.parametrize("name", ["ca", "certificate", "key"])
-def test_a_certificate_file_that_is_missing_or_none_is_named(files, tmp_path, name):
+def test_a_certificate_file_that_is_missing_or_none_is_named(section, tmp_path, name):
     (tmp_path / name).write_text("not PEM")
     with pytest.raises(ConfigError, match=rf"zenoh.tls.{name} = .* is not PEM"):
-        check_files(files)
+        require_usable_files(section)
     (tmp_path / name).unlink()
     with pytest.raises(ConfigError, match=rf"zenoh.tls.{name} = .* cannot be read"):
-        check_files(files)
+        require_usable_files(section)
 
 
-def test_a_private_key_that_others_may_read_is_refused(files, tmp_path):
+def test_a_private_key_that_others_may_read_is_refused(section, tmp_path):
     (tmp_path / "key").chmod(0o640)
     with pytest.raises(ConfigError, match="0640"):
-        check_files(files)
+        require_usable_files(section)

@@ -14,6 +14,7 @@ from dfvs_service.perception.frame_processor import FrameProcessor
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 MS = 1_000_000
 CLOCK = b"c" * 16
+BLACK = np.zeros((120, 160, 3), np.uint8)
 
 
 class Rig:
@@ -41,6 +42,14 @@ class Rig:
         payload, attachment = encode_frame(frame, pixel_format, clock)
         return RawSample(payload, attachment, self.now_ns)
 
+    def process(self, t_ns=None, **vehicle):
+        """Process a frame that differs from the one before, as a live camera's frames do."""
+        image = self.picture.copy()
+        image[0, 0] = self.seq
+        sample = self.sample(image, t_ns)
+        self.hear_vehicle(**vehicle)
+        return self.eye.process(sample)
+
 
 @pytest.fixture
 def rig(rng):
@@ -48,22 +57,14 @@ def rig(rng):
 
 
 def test_a_good_frame_becomes_a_healthy_report(rig):
-    sample = rig.sample()
-    rig.hear_vehicle()
-    glance = rig.eye.process(sample)
+    glance = rig.process()
     assert glance.report.healthy
     assert glance.report.t_capture_ns == rig.now_ns - 5 * MS
     assert glance.stages_ns["transport"] == 5 * MS
 
 
 def test_a_vehicle_that_stays_at_the_goal_has_reached_it_after_the_stop_rule_s_second(rig):
-    reached = []
-    for k in range(24):
-        image = rig.picture.copy()
-        image[0, 0] = k  # else it is a frozen camera's
-        sample = rig.sample(image=image)
-        rig.hear_vehicle()
-        reached.append(rig.eye.process(sample).report.reached)
+    reached = [rig.process().report.reached for _ in range(24)]
     assert not any(reached[:18])  # 50 ms a frame: by then the window of 1 s is not full
     assert reached[-1]
 
@@ -72,26 +73,19 @@ def test_a_vehicle_that_stays_at_the_goal_has_reached_it_after_the_stop_rule_s_s
 def test_a_hold_does_not_begin_the_time_in_which_the_error_must_fall_anew(rng, between, is_lost):
     shift = np.zeros((120, 160, 2), np.float32)
     shift[..., 0] = 40.0
-    rig, lost = Rig(rng), []
+    rig = Rig(rng)
     rig.matcher.flow = FlowField(shift, np.ones((120, 160), np.float32))
-    for k in range(160):
-        image = rig.picture.copy()
-        image[0, 0] = k  # else it is a frozen camera's
-        sample = rig.sample(image=image)
-        rig.hear_vehicle(between if 60 <= k < 80 else "SERVO")
-        report = rig.eye.process(sample).report
-        lost.append(report.lost)
+    states = ["SERVO"] * 60 + [between] * 20 + ["SERVO"] * 80
+    lost = [rig.process(state=state).report.lost for state in states]
     assert any(lost) is is_lost
     assert not any(lost[:100])
 
 
 def test_nothing_is_relocalised_after_a_report(rig):
     rig.matcher.share = 0.2
-    sample = rig.sample()
-    rig.hear_vehicle()
-    assert rig.eye.process(sample).report.healthy
+    assert rig.process().report.healthy
     before = rig.matcher.relocalisations
-    rig.eye.work_between_frames()
+    rig.eye.pipeline.work_between_frames()
     assert rig.matcher.relocalisations == before
 
 
@@ -99,13 +93,9 @@ def test_more_of_a_goal_in_a_part_of_the_view_is_looked_for_after_reports(rng):
     rig = Rig(rng, min_matched_texture=0.0)
     rig.matcher.share = 0.2
     for k in range(46):
-        image = rig.picture.copy()
-        image[0, 0] = k  # else it is a frozen camera's
-        sample = rig.sample(image=image)
-        rig.hear_vehicle()
-        assert rig.eye.process(sample).report.healthy
+        assert rig.process().report.healthy
         before = rig.matcher.extensions
-        rig.eye.work_between_frames()
+        rig.eye.pipeline.work_between_frames()
         assert rig.matcher.extensions - before == (k in (21, 41))  # a frame after 1 and 2 s
 
 
@@ -113,13 +103,9 @@ def test_frames_that_were_long_on_the_way_do_not_count_as_late(rng):
     """Depth is learnt in every fourth frame, 50 ms apart, though each is 60 ms old."""
     rig, learnt = Rig(rng, depth="motion"), []
     for k in range(16):
-        image = rig.picture.copy()
-        image[0, 0] = k  # else it is a frozen camera's
-        sample = rig.sample(image=image, t_ns=rig.now_ns - 10 * MS)
-        rig.hear_vehicle(east_m=0.02 * k)
-        assert rig.eye.process(sample).report.healthy
+        assert rig.process(rig.now_ns - 10 * MS, east_m=0.02 * k).report.healthy
         before = len(rig.matcher.predictions)
-        rig.eye.work_between_frames()
+        rig.eye.pipeline.work_between_frames()
         if len(rig.matcher.predictions) > before:
             learnt.append(k)
     assert set(np.diff(learnt)) == {4}
@@ -131,45 +117,21 @@ def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):
     assert "attitude" in report.reason
 
 
-def bad_size(rig):
-    return rig.sample(image=np.zeros((60, 80, 3), np.uint8))
-
-
-def black(rig):
-    return rig.sample(image=np.zeros((120, 160, 3), np.uint8))
-
-
-def old(rig):
-    return rig.sample(t_ns=rig.now_ns - 400 * MS)
-
-
-def future(rig):
-    return rig.sample(t_ns=rig.now_ns + 900 * MS)
-
-
-def no_attachment(rig):
-    return RawSample(b"x" * 99, b"", rig.now_ns)
-
-
 def cut_short(rig):
     good = rig.sample(pixel_format=PixelFormat.JPEG)
     return RawSample(good.payload[:50], good.attachment, good.t_arrival_ns)
 
 
-def other_clock(rig):
-    return rig.sample(clock=b"z" * 16)
-
-
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (bad_size, "size"),
-        (black, "black"),
-        (old, "old"),
-        (future, "still to come"),
-        (no_attachment, "attachment"),
+        (lambda rig: rig.sample(np.zeros((60, 80, 3), np.uint8)), "size"),
+        (lambda rig: rig.sample(BLACK), "black"),
+        (lambda rig: rig.sample(t_ns=rig.now_ns - 400 * MS), "old"),
+        (lambda rig: rig.sample(t_ns=rig.now_ns + 900 * MS), "still to come"),
+        (lambda rig: RawSample(b"x" * 99, b"", rig.now_ns), "attachment"),
         (cut_short, "checksum"),
-        (other_clock, "another machine"),
+        (lambda rig: rig.sample(clock=b"z" * 16), "another machine"),
     ],
 )
 def test_a_bad_frame_becomes_an_unhealthy_report_with_its_reason(rig, make, reason):
@@ -192,7 +154,5 @@ def test_a_frozen_camera_is_noticed_at_the_third_picture(rig):
 
 
 def test_a_good_frame_after_bad_ones_is_flown_again(rig):
-    rig.eye.process(black(rig))
-    sample = rig.sample()
-    rig.hear_vehicle()
-    assert rig.eye.process(sample).report.healthy
+    rig.eye.process(rig.sample(BLACK))
+    assert rig.process().report.healthy

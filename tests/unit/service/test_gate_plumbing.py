@@ -10,6 +10,7 @@ import pytest
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
+from dfvs_core.messages.schema import from_json, to_json
 from dfvs_service.gate import event_queue as inbox_module
 from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -75,13 +76,13 @@ def test_a_slow_disk_drops_records_and_blocks_nobody(tmp_path):
 
 
 def test_a_beat_survives_the_wire():
-    assert Heartbeat.from_bytes(SERVO.to_bytes()) == SERVO
+    assert from_json(Heartbeat, to_json(SERVO)) == SERVO
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b'{"t_ns": "x"}', b"\xff"])
 def test_what_is_no_beat_is_an_error(data):
     with pytest.raises(WireError):
-        Heartbeat.from_bytes(data)
+        from_json(Heartbeat, data)
 
 
 def test_a_runtime_folder_with_too_long_a_name_is_refused(tmp_path):

@@ -1,9 +1,5 @@
-from dfvs_service.supervisor.hang_detector import (
-    HEARTBEAT_LIMIT_NS,
-    MS,
-    STARTUP_LIMIT_NS,
-    HangDetector,
-)
+from dfvs_core.gate.config import MS
+from dfvs_service.supervisor.heartbeat import HEARTBEAT_LIMIT_NS, STARTUP_LIMIT_NS, HangDetector
 
 START_NS = 77_000 * MS
 LOOK_NS = 20 * MS

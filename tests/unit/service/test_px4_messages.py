@@ -130,6 +130,12 @@ def test_the_checks_before_arming_pass_where_health_says_so_and_nowhere_else(ena
     assert not unarmable.can_arm
 
 
+def health_check(vehicle):
+    checks = preflight(vehicle, PerceptionMonitor(GateTiming()), GateConfig(), T_NS)
+    (health,) = [check for check in checks if check.name == "health"]
+    return health
+
+
 @pytest.mark.parametrize(
     ("fit", "armed", "passes"), [(True, False, True), (False, False, False), (False, True, True)]
 )
@@ -138,8 +144,7 @@ def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(
     vehicle.update(Heartbeat(T_NS, VehicleMode.HOLD, armed))
     for event in status(health=0x10200007 if fit else 0x200007):
         vehicle.update(event)
-    checks = preflight(vehicle, PerceptionMonitor(GateTiming()), GateConfig(), T_NS)
-    (health,) = [check for check in checks if check.name == "health"]
+    health = health_check(vehicle)
     assert health.ok is passes
     assert bool(health.detail and health.remedy) is not passes
 
@@ -154,8 +159,7 @@ def test_the_stand_in_passes_the_health_check_once_it_can_be_armed(ready_after_s
         if link == COMPANION and message.get_type() == "SYS_STATUS":
             for event in px4.system_status(T_NS, message.to_dict()):
                 heard.update(event)
-    checks = preflight(heard, PerceptionMonitor(GateTiming()), GateConfig(), T_NS)
-    (health,) = [check for check in checks if check.name == "health"]
+    health = health_check(heard)
     assert health.ok is passes
     assert passes or "before arming" in health.detail
 

@@ -42,6 +42,7 @@ class Rig:
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         self.matcher = CountingMatcher()
         self.eye = build_frame_processor(self.config, self.goals[0], self.matcher, clocks)
+        self.pipeline = self.eye.pipeline
         self.route = RouteFollower(self.config, self.goals, AtOnce())
         self.state = "SERVO"
         self.seq = 0
@@ -61,12 +62,17 @@ class Rig:
         report = self.route.amend(glance.report)
         if glance.frame_result is not None:
             self.last = glance.frame_result
-            self.route.follow(self.eye, glance.frame_result, self.now_ns)
-            self.route.go_on(self.eye, self.now_ns)
+            self.route.follow(glance.frame_result, self.now_ns, engaged=self.eye.servoing)
+            self.route.go_on(self.pipeline, self.now_ns)
         return report
 
     def stay(self, yaw_deg, seconds):
         return [self.frame(yaw_deg) for _ in range(round(10 * seconds))]
+
+    def next_goal(self):
+        """Task and view of the second goal, after a second before it."""
+        self.stay(35.0, 1)
+        return servo_task(self.config, self.goals[1]), self.pipeline.prepare(self.goals[1])
 
 
 def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
@@ -90,9 +96,10 @@ def test_a_frame_that_coasts_does_not_begin_the_patience_with_the_next_goal_anew
     assert before.near_since_ns is not None
     refused = replace(rig.last.result, status=Status.NO_OVERLAP)
     coasting = replace(rig.last, tracking=TrackingState.COASTING, result=refused)
-    rig.route.follow(rig.eye, coasting, rig.now_ns)
+    rig.route.follow(coasting, rig.now_ns, engaged=True)
     assert rig.route._state == before
-    rig.route.follow(rig.eye, replace(coasting, tracking=TrackingState.LOST), rig.now_ns)
+    lost = replace(coasting, tracking=TrackingState.LOST)
+    rig.route.follow(lost, rig.now_ns, engaged=True)
     assert rig.route._state.near_since_ns is None
 
 
@@ -141,7 +148,7 @@ def test_patience_with_the_next_goal_runs_in_servo_alone(state):
     rig = Rig((40.0, 180.0))
     rig.stay(40.0, 7)
     rig.state = state
-    assert not any(report.lost for report in rig.stay(40.0, 20))
+    assert not any(report.lost for report in rig.stay(40.0, 10))
 
 
 def test_one_goal_is_no_route():
@@ -182,12 +189,11 @@ def test_frames_do_not_wait_for_a_look_and_one_look_is_taken_at_a_time():
 def test_a_preview_is_the_same_whenever_it_is_worked_out():
     """A replay works it out when the goal changes, from the frame of that capture time."""
     rig = Rig()
-    rig.stay(35.0, 1)
-    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    at_once = rig.eye.evaluate_next_goal(task, view)()
+    task, view = rig.next_goal()
+    at_once = rig.pipeline.evaluate_next_goal(task, view)()
     for yaw in (37.0, 40.0, 43.0):
         rig.frame(yaw)
-    later = rig.eye.evaluate_next_goal(task, view, at_once.observation.t_capture_ns)()
+    later = rig.pipeline.evaluate_next_goal(task, view, at_once.observation.t_capture_ns)()
     for name in ("flow", "confidence"):
         first, second = (getattr(p.observation.flow, name) for p in (at_once, later))
         assert np.array_equal(first, second)
@@ -197,10 +203,9 @@ def test_a_preview_is_the_same_whenever_it_is_worked_out():
 
 def test_a_preview_finds_the_keypoints_that_verification_needs_on_arrival():
     rig = Rig()
-    rig.stay(35.0, 1)
-    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
+    task, view = rig.next_goal()
     assert view.image._features is None
-    rig.eye.evaluate_next_goal(task, view)()
+    rig.pipeline.evaluate_next_goal(task, view)()
     assert view.image._features is not None
 
 
@@ -208,25 +213,23 @@ def test_a_preview_finds_the_keypoints_that_verification_needs_on_arrival():
 def test_an_observation_is_dropped_once_its_keyframe_is_not_kept(seconds, used):
     """No replay could recompute it."""
     rig = Rig()
-    rig.stay(35.0, 1)
-    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    preview = rig.eye.evaluate_next_goal(task, view)()
+    task, view = rig.next_goal()
+    preview = rig.pipeline.evaluate_next_goal(task, view)()
     t_ns = preview.observation.t_capture_ns
     rig.stay(35.0, HORIZON_NS * 1e-9 + seconds)
-    rig.eye.set_goal(task, view, preview.observation)
-    assert rig.eye.observed_ns == (t_ns if used else None)
-    assert (rig.eye.evaluate_next_goal(task, view, t_ns) is not None) == used
+    rig.pipeline.set_goal(task, view, preview.observation)
+    assert rig.pipeline.observed_ns == (t_ns if used else None)
+    assert (rig.pipeline.evaluate_next_goal(task, view, t_ns) is not None) == used
 
 
 def test_a_goal_that_begins_with_a_search_has_no_observation():
     rig = Rig()
-    rig.stay(35.0, 1)
-    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    observation = rig.eye.evaluate_next_goal(task, view)().observation
-    rig.eye.set_goal(task, view, observation)
-    assert rig.eye.observed_ns == observation.t_capture_ns
-    rig.eye.set_goal(task, view)
-    assert rig.eye.observed_ns is None
+    task, view = rig.next_goal()
+    observation = rig.pipeline.evaluate_next_goal(task, view)().observation
+    rig.pipeline.set_goal(task, view, observation)
+    assert rig.pipeline.observed_ns == observation.t_capture_ns
+    rig.pipeline.set_goal(task, view)
+    assert rig.pipeline.observed_ns is None
 
 
 def test_a_preview_of_the_next_goal_changes_nothing():
@@ -234,8 +237,8 @@ def test_a_preview_of_the_next_goal_changes_nothing():
     looking, plain = Rig((40.0, 180.0)), Rig((40.0, 180.0))
     plain.route.go_on = lambda *_: False
     previews = []
-    evaluate = looking.eye.evaluate_next_goal
-    looking.eye.evaluate_next_goal = lambda *words: previews.append(evaluate(*words))
+    evaluate = looking.pipeline.evaluate_next_goal
+    looking.pipeline.evaluate_next_goal = lambda *words: previews.append(evaluate(*words))
     for yaw in np.linspace(30.0, 36.0, 90):
         assert looking.frame(yaw) == plain.frame(yaw)
     assert len(previews) > 3

@@ -2,6 +2,7 @@
 
 import os
 import pty
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from dfvs_service.gate.serial_device import (
     wait_for_device,
 )
 
+BY_PATH = "/dev/serial/by-path/pci-0:14.0-usb-0:1:1.0"
 LOSS = SerialDeviceError("the serial device /dev/ttyACM0 was lost")
 
 
@@ -24,13 +26,12 @@ LOSS = SerialDeviceError("the serial device /dev/ttyACM0 was lost")
         ("serial:///dev/ttyACM0:921600", "/dev/ttyACM0"),
         ("serial_flowcontrol:///dev/ttyS1:57600", "/dev/ttyS1"),
         ("serial:///dev/ttyACM0", "/dev/ttyACM0"),
-        ("serial:///dev/serial/by-path/pci-0:14.0-usb-0:1:1.0:57600", None),
-        ("udpin://127.0.0.1:14540", ""),
+        (f"serial://{BY_PATH}:57600", BY_PATH),
+        ("udpin://127.0.0.1:14540", None),
     ],
 )
 def test_the_device_of_a_connection_is_all_before_the_baud_rate(url, path):
-    expected = "/dev/serial/by-path/pci-0:14.0-usb-0:1:1.0" if path is None else path
-    assert str(serial_path(url) or "") == expected
+    assert serial_path(url) == (None if path is None else Path(path))
 
 
 def test_a_device_is_lost_once_it_hangs_up_and_stays_so_when_its_name_is_back(tmp_path):

@@ -1,4 +1,4 @@
-"""What a user reads who asks for something that cannot be: one line, exit code 2, no process."""
+"""What a user reads who asks for something that cannot be, and how a flight is laid out."""
 
 import fcntl
 import re
@@ -12,20 +12,33 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_service import cli
 from dfvs_service.settings.config import config_from_json
+from dfvs_service.settings.goal_file import load_goals
+
+
+def save_picture(path, rng, size=(48, 64)):
+    cv2.imwrite(str(path), rng.integers(0, 255, (*size, 3), dtype=np.uint8))
+    return path
 
 
 @pytest.fixture
-def goal(tmp_path, rng, monkeypatch):
-    """A good goal picture; nothing may be started, and no port of this machine is asked."""
+def flights(monkeypatch):
+    """Programs, files and goals of flights that end at once with code 1, and bind no ports."""
+    begun = []
 
-    def refuse(*_arguments):
-        raise AssertionError("a process was to be started")
+    def fly(runtime, programs, _display):
+        files = {path.name: path.read_bytes() for path in runtime.path.iterdir()}
+        begun.append((programs, files, load_goals(runtime)))
+        return 1
 
-    monkeypatch.setattr(cli, "fly", refuse)
+    monkeypatch.setattr(cli, "fly", fly)
     monkeypatch.setattr(cli, "check_ports", lambda _config: None)
-    path = tmp_path / "goal.png"
-    cv2.imwrite(str(path), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
-    return path
+    return begun
+
+
+@pytest.fixture
+def goal(tmp_path, rng, flights):
+    """A good goal picture."""
+    return save_picture(tmp_path / "goal.png", rng)
 
 
 FOV = ("--camera-fov", "70")
@@ -65,14 +78,14 @@ def test_what_cannot_be_is_said_in_one_line(words, said, goal, tmp_path, monkeyp
 
 def test_an_unreadable_goal_picture(goal, refused):
     goal.write_bytes(b"GIF89a")
-    assert "PNG or JPEG" in refused(cli.main, "--goal", str(goal))
+    assert "PNG or JPEG" in refused(cli.main, "--goal", goal)
 
 
 @pytest.mark.parametrize("text", ["no JSON", "{}"])
 @pytest.mark.parametrize("more", [(), ("--check",)], ids=["flight", "check"])
 def test_an_unreadable_sidecar(text, more, goal, refused):
     goal.with_suffix(".json").write_text(text)
-    line = refused(cli.main, "--goal", str(goal), *more)
+    line = refused(cli.main, "--goal", goal, *more)
     assert "goal.json cannot be used" in line
     assert re.search(r"; expected \w", line)
 
@@ -80,7 +93,7 @@ def test_an_unreadable_sidecar(text, more, goal, refused):
 def test_a_goal_of_another_size_than_its_sidecar(goal, refused):
     sidecar = GoalSidecar(CameraModel.from_horizontal_fov(640, 480, 1.2))
     goal.with_suffix(".json").write_text(sidecar.to_json())
-    assert "640 x 480" in refused(cli.main, "--goal", str(goal))
+    assert "640 x 480" in refused(cli.main, "--goal", goal)
 
 
 @pytest.mark.parametrize("follows", [False, True], ids=["first goal", "goal of a route"])
@@ -89,9 +102,7 @@ def test_a_goal_of_another_lens_than_the_cameras(follows, goal, tmp_path, refuse
     other.write_bytes(goal.read_bytes())
     sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 0.9))
     other.with_suffix(".json").write_text(sidecar.to_json())
-    goals = [goal, other] if follows else [other]
-    words = [word for path in goals for word in ("--goal", str(path))]
-    line = refused(cli.main, *words, "--camera-fov", "70")
+    line = refused(cli.main, *FOV, "--goal", *([goal, other] if follows else [other]))
     assert "other.png" in line
     assert "the goal's focal length is 66.2 px, here it is 45.7" in line
 
@@ -101,16 +112,17 @@ def test_a_runtime_folder_in_use(goal, tmp_path, refused):
     folder.mkdir()
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        words = ["--camera-fov", "70", "--runtime-dir", str(folder)]
-        assert "is used by another dfvs-service" in refused(cli.main, "--goal", str(goal), *words)
+        line = refused(cli.main, "--goal", goal, *FOV, "--runtime-dir", folder)
+    assert line.startswith(f"error: the runtime folder {folder} is used by another dfvs-service")
+    assert f"--runtime-dir {folder}-2" in line
 
 
 def test_a_full_disk(goal, tmp_path, refused):
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "config.json").symlink_to("/dev/full")
-    words = [*FOV, "--model", "classical", "--runtime-dir", str(folder)]
-    assert "No space left on device" in refused(cli.main, "--goal", str(goal), *words)
+    words = [*FOV, "--model", "classical", "--runtime-dir", folder]
+    assert "No space left on device" in refused(cli.main, "--goal", goal, *words)
 
 
 def test_an_unknown_option_is_refused_by_name(goal, capsys):
@@ -118,14 +130,6 @@ def test_an_unknown_option_is_refused_by_name(goal, capsys):
         cli.main(["--goal", str(goal), "--enagge", "auto"])
     assert end.value.code == 2
     assert "--enagge" in capsys.readouterr().err
-
-
-def test_help_has_an_example(capsys):
-    for words in (["--help"], ["config", "--help"], ["command", "--help"]):
-        with pytest.raises(SystemExit) as end:
-            cli.main(words)
-        assert end.value.code == 0
-        assert "example" in capsys.readouterr().out
 
 
 def test_printed_settings_are_toml_with_what_was_set(capsys):
@@ -142,40 +146,28 @@ def test_a_new_key_is_written_once(tmp_path, capfd, refused):
     assert "cannot create" in refused(cli.main, *words)
 
 
-def test_a_flight_starts_with_everything_laid_out(goal, tmp_path, monkeypatch):
-    seen = {}
+def flown(*words):
+    return cli.main([*FOV, "--goal", *map(str, words)])
 
-    def fly(runtime, programs, display):
-        seen.update({path.name: path.read_bytes() for path in runtime.path.iterdir()})
-        return 1
 
-    monkeypatch.setattr(cli, "fly", fly)
-    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
+def test_a_flight_starts_with_everything_laid_out(goal, flights, tmp_path):
     folder = tmp_path / "run"
-    words = ["--camera-fov", "70", "--engage", "auto", "--runtime-dir", str(folder)]
-    assert cli.main(["--goal", str(goal), *words]) == 1
-    assert {"config.json", "goal.png", "goal.json"} <= set(seen)
-    assert b'"engage": "auto"' in seen["config.json"]
+    assert flown(goal, "--engage", "auto", "--runtime-dir", folder) == 1
+    ((_, files, _),) = flights
+    assert {"config.json", "goal.png", "goal.json"} <= set(files)
+    assert b'"engage": "auto"' in files["config.json"]
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.fixture
-def started(goal, monkeypatch):
-    """Starts a flight that ends at once; gives its programs and settings."""
-    seen = []
-
-    def fly(runtime, programs, _display):
-        seen.append((programs, config_from_json(runtime.config.read_text())))
-        return 0
-
-    monkeypatch.setattr(cli, "fly", fly)
-    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
+def started(goal, flights, monkeypatch):
+    """Starts a flight; gives its programs and settings."""
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
 
     def start(*words):
-        words = ("--goal", str(goal), "--camera-fov", "70", "--model", "classical", *words)
-        assert cli.main(list(words)) == 0
-        return seen[-1]
+        assert flown(goal, "--model", "classical", *words) == 1
+        programs, files, _ = flights[-1]
+        return programs, config_from_json(files["config.json"].decode())
 
     return start
 
@@ -203,3 +195,43 @@ def test_a_flight_without_any_folder_for_its_records_goes_on(started, monkeypatc
     assert programs.black_box == ()
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("warning: no black box: ")
+
+
+@pytest.fixture
+def route(tmp_path, rng, flights):
+    """Three goal pictures of one size in a folder."""
+    folder = tmp_path / "route"
+    folder.mkdir()
+    for name in ("1.png", "2.png", "3.png"):
+        save_picture(folder / name, rng)
+    return folder
+
+
+def test_a_folder_and_a_list_give_the_same_route(route, flights):
+    assert flown(route) == 1
+    assert flown(*sorted(route.iterdir())) == 1
+    (_, _, first), (_, _, second) = flights
+    assert len(first) == 3
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a.image, b.image)
+
+
+def test_an_earlier_route_in_a_kept_folder_is_forgotten(route, flights, tmp_path):
+    keep = ["--runtime-dir", tmp_path / "run"]
+    assert flown(route, *keep) == 1
+    assert flown(route / "2.png", *keep) == 1
+    assert [len(goals) for _, _, goals in flights] == [3, 1]
+
+
+def test_every_goal_is_checked_before_anything_starts(route, rng, refused):
+    words = [*FOV, "--goal", route]
+    save_picture(route / "4.png", rng, (36, 48))
+    line = refused(cli.main, *words)
+    assert "4.png" in line
+    assert "64 x 48" in line
+    (route / "4.png").write_bytes(b"no picture")
+    assert "4.png" in refused(cli.main, *words)
+
+
+def test_an_empty_folder_is_no_route(tmp_path, refused):
+    assert "is empty" in refused(cli.main, *FOV, "--goal", tmp_path)

@@ -15,13 +15,12 @@ from dfvs_common.atomic_file import replace_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
-from dfvs_service.camera.calibration.coverage import Coverage, coverage_of
+from dfvs_service.camera.calibration.coverage import coverage_of
 from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.sources.open_source import open_source
-from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.source import SourceOptions, open_source
 from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 
@@ -96,9 +95,8 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .toml")
     views, size = _collect(board, arguments)
     calibration = calibrate(views, size, arguments.lens)
-    coverage = coverage_of(views, size)
-    _write(arguments.out, views, calibration, coverage)
-    document = report_document(calibration, coverage)
+    document = report_document(calibration, coverage_of(views, size))
+    _write(arguments.out, views, calibration, document)
     print(json.dumps(document) if arguments.json else _summary(arguments.out, document))
     return 1 if document["missing"] or document["doubts"] else 0
 
@@ -111,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _board_option(parser)
-    add_source_options(parser, required=True)
+    add_source_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="TOML to write")
     parser.add_argument(
         "--lens",
@@ -199,7 +197,7 @@ def _outline(view: BoardView) -> np.ndarray[tuple[int, ...], np.dtype[np.float32
 
 
 def _write(
-    out: Path, views: Sequence[BoardView], calibration: Calibration, coverage: Coverage
+    out: Path, views: Sequence[BoardView], calibration: Calibration, document: dict[str, object]
 ) -> None:
     used = sum(view.is_used for view in calibration.views)
     remarks = [
@@ -207,8 +205,7 @@ def _write(
         f"{used} images, root mean square reprojection error {calibration.rms_px:.3f} px",
     ]
     write_calibration(out, calibration.camera, remarks)
-    document = json.dumps(report_document(calibration, coverage), indent=2) + "\n"
-    replace_file(out.with_suffix(".json"), document.encode())
+    replace_file(out.with_suffix(".json"), (json.dumps(document, indent=2) + "\n").encode())
     replace_file(out.with_suffix(".png"), encode_png(coverage_image(views, calibration)))
 
 

@@ -1,7 +1,7 @@
 """Estimation of a camera's intrinsics from images of a calibration board."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -71,26 +71,18 @@ def calibrate(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> 
         If there are too few images, or they fix no camera.
     """
     first = _fit(views, size, lens)
-    limit = max(_OUTLIER * float(np.median(first.errors_px)), _OUTLIER_PX)
-    used = [view for view, e in zip(views, first.errors_px, strict=True) if e <= limit]
-    fit = first if len(used) == len(views) else _fit(used, size, lens)
-    errors = dict(zip((view.name for view in used), fit.errors_px, strict=True))
-    judged = tuple(
-        ViewError(view.name, errors.get(view.name, e), len(view.pixels), view.name in errors)
-        for view, e in zip(views, first.errors_px, strict=True)
-    )
-    return Calibration(fit.camera, fit.rms_px, judged, fit.deviations_px)
+    errors_px = [view.error_px for view in first.views]
+    limit = max(_OUTLIER * float(np.median(errors_px)), _OUTLIER_PX)
+    used = [view for view, e in zip(views, errors_px, strict=True) if e <= limit]
+    if len(used) == len(views):
+        return first
+    fit = _fit(used, size, lens)
+    by_name = {view.name: view for view in fit.views}
+    judged = (by_name.get(view.name, replace(view, is_used=False)) for view in first.views)
+    return replace(fit, views=tuple(judged))
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    camera: CameraModel
-    rms_px: float
-    errors_px: list[float]
-    deviations_px: tuple[float, float, float, float]
-
-
-def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
+def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> Calibration:
     if len(views) < FEWEST_VIEWS:
         raise ConfigError(
             f"{len(views)} usable images of the board",
@@ -123,5 +115,8 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
         tuple(float(value) for value in coefficients),
     )
     fx, fy, cx, cy = (float(value) for value in np.asarray(deviations).reshape(-1)[:4])
-    per_view = [float(value) for value in np.asarray(errors).reshape(-1)]
-    return _Fit(camera, float(rms), per_view, (fx, fy, cx, cy))
+    judged = tuple(
+        ViewError(view.name, float(error), len(view.pixels), is_used=True)
+        for view, error in zip(views, np.asarray(errors).reshape(-1), strict=True)
+    )
+    return Calibration(camera, float(rms), judged, (fx, fy, cx, cy))

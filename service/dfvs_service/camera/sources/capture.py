@@ -34,11 +34,6 @@ def buffer_time_ns(buffer_ms: float, now_ns: int) -> int:
 class CaptureSource:
     """A source that OpenCV opens.
 
-    Parameters
-    ----------
-    spec : SourceSpec
-    options : SourceOptions
-
     Raises
     ------
     SourceLostError

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
-from dfvs_service.camera.sources.spec import IMAGE_SUFFIXES, CameraError
+from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
+from dfvs_service.settings.goal_file import is_image
 
 
 def image_paths(place: str) -> list[Path]:
@@ -20,7 +21,7 @@ def image_paths(place: str) -> list[Path]:
     path = Path(place)
     if path.is_file():
         return [path]
-    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    paths = sorted(p for p in path.iterdir() if is_image(p))
     if not paths:
         raise CameraError(f"there are no images in {place}", "PNG or JPEG files")
     return paths

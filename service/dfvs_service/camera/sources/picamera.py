@@ -65,14 +65,10 @@ class PicameraSource:
             sensor_ns = int(request.get_metadata()["SensorTimestamp"])
         finally:
             request.release()
-        return CapturedImage(image, monotonic_of_boot_ns(sensor_ns))
+        # The sensor's time counts from the boot, with suspended time.
+        offset_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        return CapturedImage(image, sensor_ns - offset_ns)
 
     def close(self) -> None:
         """Give the camera back."""
         self._camera.close()
-
-
-def monotonic_of_boot_ns(boot_ns: int) -> int:
-    """Monotonic time of a time since boot, which also counts suspended time."""
-    offset_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
-    return boot_ns - offset_ns

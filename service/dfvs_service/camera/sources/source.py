@@ -1,9 +1,9 @@
-"""Interface of image sources."""
+"""Interface of image sources, and their opening by a specification."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_service.camera.sources.spec import CameraError
+from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec
 from dfvs_service.frames import CapturedImage
 
 
@@ -40,6 +40,29 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give the device or file back."""
+
+
+def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
+    """Open a source.
+
+    Raises
+    ------
+    SourceLostError
+        If a live source cannot be reached right now.
+    CameraError
+        If it can never be opened like this.
+    """
+    if spec.kind is SourceKind.PICAMERA:
+        from dfvs_service.camera.sources.picamera import PicameraSource
+
+        return PicameraSource(int(spec.place), options)
+    if spec.kind is SourceKind.IMAGES:
+        from dfvs_service.camera.sources.images import ImageSource
+
+        return ImageSource(spec.place)
+    from dfvs_service.camera.sources.capture import CaptureSource
+
+    return CaptureSource(spec, options)
 
 
 def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
-
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+from dfvs_service.settings.goal_file import is_image
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
@@ -79,7 +78,7 @@ def parse_source(text: str) -> SourceSpec:
         is_folder, is_file = path.is_dir(), path.is_file()
     except OSError as error:
         raise CameraError(f"the source {text[:200]!r} cannot be read ({error.strerror})") from error
-    if is_folder or (is_file and path.suffix.lower() in IMAGE_SUFFIXES):
+    if is_folder or (is_file and is_image(path)):
         return SourceSpec(SourceKind.IMAGES, text)
     if is_file:
         return SourceSpec(SourceKind.VIDEO, text)

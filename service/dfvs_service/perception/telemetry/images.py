@@ -11,7 +11,7 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.perception.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
-from dfvs_service.perception.telemetry.preview import draw_flow
+from dfvs_service.image_drawing import draw_flow
 from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
@@ -33,12 +33,12 @@ class TelemetryImages:
         The preview shows no flow below.
     quality : int
         JPEG quality of the preview, 1 to 100.
-    max_kept_bytes : int, optional
-        Size that fits into a record of the black box; by default any does.
+    max_kept_bytes : int
+        Size that fits into a record of the black box.
     """
 
     def __init__(
-        self, clock: bytes, min_confidence: float, quality: int, max_kept_bytes: int | None = None
+        self, clock: bytes, min_confidence: float, quality: int, max_kept_bytes: int
     ) -> None:
         self._clock = clock
         self._min_confidence = min_confidence
@@ -63,10 +63,9 @@ class TelemetryImages:
         The black box keeps a reduced one where it is too large.
         """
         note = self._jpeg(Frame(image, t_ns, 0), _GOAL_QUALITY)
-        limit = self._max_kept_bytes
-        if limit is None or len(note.payload) <= limit:
+        if len(note.payload) <= self._max_kept_bytes:
             return note
-        return dataclasses.replace(note, kept=_reduced_jpeg(image, limit))
+        return dataclasses.replace(note, kept=_reduced_jpeg(image, self._max_kept_bytes))
 
     def flow(self, frame: Frame, flow: FlowField) -> Note:
         """Coarse grid of the flow to the goal."""

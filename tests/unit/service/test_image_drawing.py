@@ -1,7 +1,7 @@
 import numpy as np
 
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_service.perception.telemetry.preview import draw_flow
+from dfvs_service.image_drawing import draw_flow
 
 
 def field(confidence):

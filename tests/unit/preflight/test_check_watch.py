@@ -1,6 +1,6 @@
 from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import Engage
-from dfvs_service.preflight.watch_only import Observer, watching
+from dfvs_service.preflight.check import Observer, watching
 from dfvs_service.settings.config import load_config
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
