@@ -140,6 +140,7 @@ def _flight_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--goal",
         type=Path,
+        action="extend",
         nargs="+",
         required=True,
         metavar="IMAGE",

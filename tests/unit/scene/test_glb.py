@@ -151,7 +151,7 @@ DAMAGED = struct.pack("<4sIIII", b"glTF", 2, 28, 8, 0x4E4F534A) + b'{"nodes"'
         (triangle_file(extensions={DRACO: {}}), "Draco"),
         (triangle_file(lambda f: f.json.update(extensionsRequired=[DRACO])), f"requires {DRACO}"),
         (GlbFile(), "no triangles"),
-        (triangle_file(lambda f: f.triangle(indices=f.accessor(BEYOND))), "0 to 3; expected 0 to 2"),
+        (triangle_file(lambda f: f.triangle(indices=f.accessor(BEYOND))), "indices are 0 to 3"),
         (triangle_file(lambda f: f.json["accessors"][0].update(count=30)), "runs past"),
         (
             triangle_file(lambda f: f.json["bufferViews"][0].update(byteLength=10**9)),

@@ -207,13 +207,16 @@ def route(tmp_path, rng, flights):
     return folder
 
 
-def test_a_folder_and_a_list_give_the_same_route(route, flights):
+def test_a_folder_a_list_and_repeated_options_give_the_same_route(route, flights):
+    first, *others = sorted(route.iterdir())
     assert flown(route) == 1
-    assert flown(*sorted(route.iterdir())) == 1
-    (_, _, first), (_, _, second) = flights
-    assert len(first) == 3
-    for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a.image, b.image)
+    assert flown(first, *others) == 1
+    assert flown(first, "--goal", *others) == 1
+    goals, *same = [flown_goals for _, _, flown_goals in flights]
+    assert len(goals) == 3
+    for more in same:
+        for a, b in zip(goals, more, strict=True):
+            np.testing.assert_array_equal(a.image, b.image)
 
 
 def test_an_earlier_route_in_a_kept_folder_is_forgotten(route, flights, tmp_path):
