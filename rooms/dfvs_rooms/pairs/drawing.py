@@ -1,18 +1,13 @@
 """Drawing pairs of views in a room: places, looks, motions, and the flow between them."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray
-from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_models.evaluation_file import EVALUATION_CAMERA
-from dfvs_rooms.pairs.motion import Motion, evaluation_motion
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene.mesh import SceneError
@@ -23,53 +18,36 @@ from dfvs_sim.viewpoints.sampling import floor_of
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
 _HIGHEST_M = 4.5
 """Above the floor, m: no camera flies higher, be it in a hall or under the sky."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """What a pair must be like.
-
-    Parameters
-    ----------
-    clearance_m : tuple of float
-        Free distance around the first and around the second camera, m.
-    least_depth_m : float
-        Least median depth of the first view, m.
-    least_overlap : float
-        Least share of the first view's pixels that the second sees as well.
-    """
-
-    clearance_m: tuple[float, float]
-    least_depth_m: float
-    least_overlap: float
-
-
-EVALUATION_RULES = Rules((0.3, 0.25), 1.1, 0.35)
+_LEVEL_LIMITS = {"small": (0.15, 6.0), "medium": (0.5, 15.0), "large": (1.2, 30.0)}
+"""Longest way of the camera's centre, m, and largest turn about each of its axes, degrees."""
+_CLEARANCE_M = (0.3, 0.25)
+"""Free distance around the first and around the second camera."""
+_LEAST_DEPTH_M = 1.1
+"""Median depth of the first view."""
+_LEAST_OVERLAP = 0.35
+"""Share of the first view's pixels that the second sees as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewPair:
-    """Two views of one scene.
+    """Two views of one scene by ``EVALUATION_CAMERA``.
 
     Parameters
     ----------
-    camera : CameraModel
-        Intrinsics of both.
     poses : tuple of (4, 4)
         ``T_world_a`` and ``T_world_b``, NED.
     views : tuple of View
         Image and depth of each.
-    flows : tuple of (H, W, 2) float32
-        px, a to b and b to a; NaN where it means nothing.
-    visible : tuple of (H, W) bool
-        Seen in both.
+    flow : (H, W, 2) float32
+        px, a to b; NaN where it means nothing.
+    visible : (H, W) bool
+        Where a shows what b sees as well.
     """
 
-    camera: CameraModel
     poses: tuple[FloatArray, FloatArray]
     views: tuple[View, View]
-    flows: tuple[Float32Array, Float32Array]
-    visible: tuple[BoolArray, BoolArray]
+    flow: Float32Array
+    visible: BoolArray
 
 
 class PairSampler:
@@ -97,35 +75,23 @@ class PairSampler:
             raise SceneError(f"the scene is only {high - low} m wide", "room for a camera")
 
     def evaluation_pair(self, level: str, rng: np.random.Generator) -> ViewPair:
-        """Draw an evaluation pair of a level: the first view upright, pitched by a little.
+        """Draw places, looks and motions of a level until a pair is good to evaluate on.
 
         Raises
         ------
         SceneError
             If none was found.
         """
-
-        def motion(rng: np.random.Generator, _depth_m: float) -> Motion:
-            return evaluation_motion(rng, level)
-
-        return self._pair(EVALUATION_CAMERA, EVALUATION_RULES, (_upright_look, motion), rng)
-
-    def _pair(
-        self, camera: CameraModel, rules: Rules, draw: tuple[_Look, _Move], rng: np.random.Generator
-    ) -> ViewPair:
-        """Draw places, looks and motions until a pair follows the rules."""
-        look, motion = draw
         for _ in range(_PLACES_TRIED):
             place = rng.uniform(self._low, self._high)
-            if self._space.clearance_m(place) < rules.clearance_m[0]:
+            if self._space.clearance_m(place) < _CLEARANCE_M[0]:
                 continue
-            T_world_a = look(place, 0.5 * (self._low + self._high) - place, rng)
-            depth_m = self._renderer.depth(camera, T_world_a)
-            if np.median(depth_m) < rules.least_depth_m:
+            T_world_a = _upright_look(place, rng)
+            depth_m = self._renderer.depth(EVALUATION_CAMERA, T_world_a)
+            if np.median(depth_m) < _LEAST_DEPTH_M:
                 continue
             for _ in range(_MOVES_TRIED):
-                T_world_b = _moved(T_world_a, motion(rng, float(np.median(depth_m))), rng)
-                pair = self._seen_from(camera, (T_world_a, T_world_b), depth_m, rules)
+                pair = self._seen_from((T_world_a, _moved(T_world_a, level, rng)), depth_m)
                 if pair is not None:
                     return pair
         raise SceneError(
@@ -133,52 +99,32 @@ class PairSampler:
         )
 
     def _seen_from(
-        self,
-        camera: CameraModel,
-        poses: tuple[FloatArray, FloatArray],
-        depth_a_m: Float32Array,
-        rules: Rules,
+        self, poses: tuple[FloatArray, FloatArray], depth_a_m: Float32Array
     ) -> ViewPair | None:
-        """Both views and the flow between them; None if they break the rules."""
+        """Both views and the flow between them; None if they are not good to evaluate on."""
         end = poses[1][:3, 3]
         if (end < self._low).any() or (end > self._high).any():
             return None
-        depths = (depth_a_m, self._renderer.depth(camera, poses[1]))
-        visible_a = visibility(camera, poses, depths)
-        if visible_a.mean() < rules.least_overlap:
+        depths = (depth_a_m, self._renderer.depth(EVALUATION_CAMERA, poses[1]))
+        visible = visibility(EVALUATION_CAMERA, poses, depths)
+        if visible.mean() < _LEAST_OVERLAP or self._space.clearance_m(end) < _CLEARANCE_M[1]:
             return None
-        if self._space.clearance_m(end) < rules.clearance_m[1]:
-            return None
-        views = tuple(self._renderer.render(camera, pose, antialias=True) for pose in poses)
-        backwards = poses[::-1]
-        return ViewPair(
-            camera,
-            poses,
-            (views[0], views[1]),
-            (
-                exact_flow(camera, poses[0], depths[0], poses[1]),
-                exact_flow(camera, poses[1], depths[1], poses[0]),
-            ),
-            (visible_a, visibility(camera, backwards, depths[::-1])),
-        )
+        a, b = (self._renderer.render(EVALUATION_CAMERA, pose, antialias=True) for pose in poses)
+        flow = exact_flow(EVALUATION_CAMERA, poses[0], depth_a_m, poses[1])
+        return ViewPair(poses, (a, b), flow, visible)
 
 
-_Look = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
-"""``T_world_camera`` (4, 4) of a camera at a place (3,), the room's middle (3,) away from it."""
-_Move = Callable[[np.random.Generator, float], Motion]
-"""Motion from a view of a median depth, m."""
-
-
-def _upright_look(
-    place: FloatArray, _to_middle: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    """Any heading, pitched between 18 degrees down and 12 degrees up."""
+def _upright_look(place: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """``T_world_camera`` (4, 4) at a place (3,): any heading, 18 degrees down to 12 up."""
     pitch = math.radians(rng.uniform(-18.0, 12.0))
     return camera_pose((place[0], place[1], place[2]), float(rng.uniform(-math.pi, math.pi)), pitch)
 
 
-def _moved(T_world_a: FloatArray, motion: Motion, rng: np.random.Generator) -> FloatArray:
-    """Pose (4, 4) after a motion in a drawn direction."""
+def _moved(T_world_a: FloatArray, level: str, rng: np.random.Generator) -> FloatArray:
+    """Pose (4, 4) after 0.4 to 1 times a level's way in any direction, and turns of the level."""
+    most_m, most_deg = _LEVEL_LIMITS[level]
+    turn_rad = rng.uniform(-1.0, 1.0, 3) * math.radians(most_deg)
+    distance_m = most_m * float(rng.uniform(0.4, 1.0))
     way = rng.normal(size=3)
-    place = T_world_a[:3, 3] + motion.distance_m * way / np.linalg.norm(way)
-    return make_pose(T_world_a[:3, :3] @ so3_exp(motion.turn_rad), place)
+    place = T_world_a[:3, 3] + distance_m * way / np.linalg.norm(way)
+    return make_pose(T_world_a[:3, :3] @ so3_exp(turn_rad), place)

@@ -19,12 +19,12 @@ Arrays = dict[str, NDArray[Any]]
 def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Arrays:
     """Arrays of an evaluation file of pairs and their levels; flow is 0 where it means nothing."""
     limit = np.finfo(np.float16).max
-    flow = np.stack([pair.flows[0] for pair in pairs])
+    flow = np.stack([pair.flow for pair in pairs])
     return {
         "IA": np.stack([pair.views[0].image for pair in pairs]),
         "IB": np.stack([pair.views[1].image for pair in pairs]),
         "flow": np.clip(np.nan_to_num(flow, nan=0.0), -limit, limit).astype(np.float16),
-        "vis": np.stack([pair.visible[0] for pair in pairs]),
+        "vis": np.stack([pair.visible for pair in pairs]),
         "depth": np.stack([pair.views[0].depth_m for pair in pairs]).astype(np.float16),
         "TA": np.stack([gltf_pose_from_ned(pair.poses[0]) for pair in pairs]),
         "TB": np.stack([gltf_pose_from_ned(pair.poses[1]) for pair in pairs]),
