@@ -17,7 +17,7 @@ from dfvs_core.geometry.poses import make_pose
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, merged
 from dfvs_rooms.lighting.daylight import sky_irradiance
-from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE, BakeSettings, mean_albedo
+from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE, SKY_RADIANCE, mean_albedo
 from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, means_of_sides, side_points
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
@@ -125,7 +125,7 @@ def _sky_points(
     for sky in openings:
         width, height = sky.size_m
         n = count.per_opening
-        power = width * height * np.array(BakeSettings().sky_radiance) / n
+        power = width * height * np.array(SKY_RADIANCE) / n
         columns = np.arange(n) + rng.random(n)
         s = (columns / n - 0.5) * width
         z = (rng.permutation(columns) / n - 0.5) * height

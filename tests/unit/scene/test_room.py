@@ -112,7 +112,7 @@ class TestLight:
         lamp = Part(ball.vertices, ball.normals, ball.uv, ball.triangles, "globe", emission=1.0)
         grey = np.full((4, 4, 3), 128, np.uint8)
         room = Room((floor, lamp), {"floor": Material(grey), "globe": Material(grey, shines=True)})
-        settings = BakeSettings(samples=256, sky_radiance=(0.0, 0.0, 0.0))
+        settings = BakeSettings(samples=256)
         light = measure_irradiance(room, settings, lambda done, total: None)[0]
         distance = np.linalg.norm(floor.vertices - [0, 0, 1.5], axis=1)
         shape = 1.5 / distance**3  # cosine over distance squared
