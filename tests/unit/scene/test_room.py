@@ -7,7 +7,7 @@ from dfvs_rooms.generator.furniture import armchair, bookcase, chair, sideboard,
 from dfvs_rooms.generator.props import curtain, framed_artwork, palm
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, sphere, tube
-from dfvs_rooms.lighting.exposure import exposed, filled, smoothed
+from dfvs_rooms.lighting.bake import exposed, filled, smoothed
 from dfvs_rooms.lighting.path_traced import BakeError, BakeSettings, measure_irradiance
 from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, WIDTH_M, room_parts
 from dfvs_rooms.surfaces.materials import Material
