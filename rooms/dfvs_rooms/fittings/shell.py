@@ -9,8 +9,7 @@ from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.interior import window
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.outdoors import Sky
-from dfvs_rooms.generator.room import Opening
+from dfvs_rooms.generator.room import Opening, Sky
 from dfvs_rooms.generator.solids import Part, box, lathe, panel, placed, sphere, tube
 
 NORTH, EAST, SOUTH, WEST = range(4)

@@ -1,8 +1,10 @@
 """Seats, tables and cupboards. Each stands on the floor at the origin, its front towards -y."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from dfvs_rooms.generator.solids import Part, box, cushion, panel, placed, tilted, tube
+from dfvs_rooms.generator.solids import Part, box, corners, cushion, panel, placed, tilted, tube
 
 
 def sofa(width: float, cloth: str, pillows: tuple[str, ...]) -> list[Part]:
@@ -39,10 +41,8 @@ def table(size: tuple[float, float, float], top: str, legs: str) -> list[Part]:
     """Table of (width, depth, height) with an apron and tapered legs."""
     width, depth, height = size
     parts = box((width, depth, 0.035), (0, 0, height - 0.035), top, edge_m=0.07)
-    for x in (-1, 1):
-        for y in (-1, 1):
-            foot = (x * (width / 2 - 0.06), y * (depth / 2 - 0.06))
-            parts.append(tube((*foot, 0.0), (*foot, height - 0.03), (0.018, 0.030), legs, sides=8))
+    for foot in corners(width / 2 - 0.06, depth / 2 - 0.06):
+        parts.append(tube((*foot, 0.0), (*foot, height - 0.03), (0.018, 0.030), legs, sides=8))
     for y in (-1, 1):
         at = (0, y * (depth / 2 - 0.07), height - 0.105)
         parts += box((width - 0.16, 0.02, 0.07), at, legs, skip="+z", edge_m=0.12)
@@ -126,7 +126,7 @@ def book(
         if k > 0:
             u, v = 0.45 + 0.1 * u, 0.01 + 0.05 * v
         uv = np.stack([(which + 0.04 + 0.92 * u) / 24, v], axis=1)
-        parts.append(Part(face.vertices, face.normals, uv, face.triangles, books, face.is_sheet))
+        parts.append(replace(face, uv=uv))
     return parts
 
 
@@ -148,10 +148,8 @@ def sideboard(size: tuple[float, float, float], wood: str, doors: str) -> list[P
     width, depth, height = size
     foot = 0.12
     parts = box((width, depth, height - foot), (0, 0, foot), wood, edge_m=0.08)
-    for x in (-1, 1):
-        for y in (-1, 1):
-            leg = (x * (width / 2 - 0.07), y * (depth / 2 - 0.06))
-            parts.append(tube((*leg, 0.0), (*leg, foot), (0.014, 0.022), wood, sides=8))
+    for leg in corners(width / 2 - 0.07, depth / 2 - 0.06):
+        parts.append(tube((*leg, 0.0), (*leg, foot), (0.014, 0.022), wood, sides=8))
     for k in range(3):
         w = (width - 0.08) / 3
         middle = -width / 2 + 0.04 + w * (k + 0.5)

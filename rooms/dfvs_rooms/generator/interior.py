@@ -4,7 +4,7 @@ Four kinds: a ``lounge`` to live in, a ``study`` with desks and shelves, a ``cor
 ``hall`` with columns and racks.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,9 +116,16 @@ def drawn_interior(seed: int, kind: str | None = None) -> Room:
     shape, looks = np.random.default_rng([seed, 1]).spawn(2)
     drawn = str(shape.choice(list(KINDS)))
     layout, openings = furnished(KINDS[kind or drawn], shape)
-    names = {part.material for part in layout.parts}
+    return painted(layout.parts, openings, looks)
+
+
+def painted(
+    parts: Sequence[Part], openings: tuple[Opening, ...], looks: np.random.Generator
+) -> Room:
+    """Draw materials for the parts of an interior."""
+    names = {part.material for part in parts}
     walls = frozenset(name for name in names if name.startswith("wall"))
-    return Room(tuple(layout.parts), interior_materials(names, looks), walls, openings)
+    return Room(tuple(parts), interior_materials(names, looks), walls, openings)
 
 
 def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Opening, ...]]:
@@ -145,9 +152,7 @@ def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Openi
     return layout, openings
 
 
-def _one_of(
-    choices: tuple[Callable[[np.random.Generator], Piece], ...], rng: np.random.Generator
-) -> Piece:
+def _one_of(choices: tuple[pieces.Draw, ...], rng: np.random.Generator) -> Piece:
     return choices[int(rng.integers(len(choices)))](rng)
 
 

@@ -56,6 +56,11 @@ class Wall:
     distance_m: float
     turn_deg: float
 
+    def point(self, s: float, out: float) -> tuple[float, float]:
+        """Place (x, y) of a point s along the wall and ``out`` from the room's middle."""
+        c, n = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
+        return float(c * s - n * out), float(n * s + c * out)
+
 
 class Layout:
     """A room while it is being furnished.
@@ -99,7 +104,7 @@ class Layout:
         wall = self.walls[k]
         area = (s - piece.width_m / 2, 0.0, s + piece.width_m / 2, piece.height_m)
         out = wall.distance_m - piece.depth_m / 2 - _OFF_WALL_M
-        x, y = _turned(s, out, wall.turn_deg)
+        x, y = wall.point(s, out)
         size = (piece.width_m, piece.depth_m)
         footprint = _around(x, y, size if k % 2 == 0 else size[::-1])
         if _beyond(area, wall) or _meets(area, self._on_walls[k]) or _meets(footprint, self._floor):
@@ -136,7 +141,7 @@ class Layout:
         if _beyond(area, wall) or _meets(area, self._on_walls[k]):
             return False
         self._on_walls[k].append(area)
-        x, y = _turned(s, wall.distance_m, wall.turn_deg)
+        x, y = wall.point(s, wall.distance_m)
         self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
         return True
 
@@ -170,12 +175,6 @@ class Layout:
         self._floor.append(footprint)
         self.parts += placed(piece.parts, *place, 0.0, turn_deg)
         return True
-
-
-def _turned(s: float, out: float, turn_deg: float) -> tuple[float, float]:
-    """Place (x, y) of a point s along a wall and ``out`` from the room's middle."""
-    c, n = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    return float(c * s - n * out), float(n * s + c * out)
 
 
 def _around(x: float, y: float, size: tuple[float, float]) -> tuple[float, float, float, float]:

@@ -17,8 +17,7 @@ import numpy as np
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_rooms.generator.outdoors import Sky
-from dfvs_rooms.generator.room import Opening, Room
+from dfvs_rooms.generator.room import Opening, Room, Sky
 from dfvs_rooms.generator.solids import Part, merged
 from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, side_points
 from dfvs_rooms.surfaces.materials import Material

@@ -8,7 +8,7 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Piece
-from dfvs_rooms.generator.solids import box, cushion, placed, tube
+from dfvs_rooms.generator.solids import box, corners, cushion, placed, tube
 
 
 def bedroom(rng: np.random.Generator) -> Place:
@@ -58,9 +58,8 @@ def _bedside_table(rng: np.random.Generator) -> Piece:
     parts = box((0.46, 0.38, 0.42), (0, 0, 0.12), "oak")
     for z in (0.14, 0.34):
         parts += placed(front(0.42, 0.18, "sage", handle="drawer"), 0, -0.19, z)
-    for x in (-0.18, 0.18):
-        for y in (-0.14, 0.14):
-            parts.append(tube((x, y, 0), (x, y, 0.12), 0.014, "walnut", sides=7))
+    for leg in corners(0.18, 0.14):
+        parts.append(tube((*leg, 0), (*leg, 0.12), 0.014, "walnut", sides=7))
     parts += placed(props.table_lamp("linen"), -0.08, 0.06, 0.54)
     books = furniture.book_pile(rng, int(rng.integers(1, 4)), "books")
     return Piece.standing(parts + placed(books, 0.12, -0.06, 0.54))

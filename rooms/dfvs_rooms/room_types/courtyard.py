@@ -6,7 +6,7 @@ from dfvs_rooms.fittings import greenery, shell
 from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.room import Sky
 from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, placed, sheet, tube
 
 _DOME_M = 14.0

@@ -7,7 +7,7 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.solids import Part, box, placed
+from dfvs_rooms.generator.solids import Part, box, corners, placed
 
 
 def workshop(rng: np.random.Generator) -> Place:
@@ -75,10 +75,8 @@ def _tin_rack(rng: np.random.Generator) -> Piece:
     """Steel shelves of paint tins."""
     width, depth, height = 1.5, 0.4, 1.9
     parts: list[Part] = []
-    for side in (-1, 1):
-        for end in (-1, 1):
-            post = (side * (width / 2 - 0.02), end * (depth / 2 - 0.02), 0)
-            parts += box((0.04, 0.04, height), post, "metal", skip="-z", edge_m=0.15)
+    for post in corners(width / 2 - 0.02, depth / 2 - 0.02):
+        parts += box((0.04, 0.04, height), (*post, 0), "metal", skip="-z", edge_m=0.15)
     for z in np.linspace(0.12, height - 0.35, 4):
         parts += box((width, depth, 0.03), (0, 0, float(z)), "metal", edge_m=0.12)
         for x in np.arange(-width / 2 + 0.12, width / 2 - 0.1, 0.19):

@@ -121,9 +121,7 @@ class TestFiles:
             np.testing.assert_array_equal(pairs.other[k], pair.views[1].image)
             seen = pair.visible
             np.testing.assert_array_equal(pairs.visible[k], seen)
-            np.testing.assert_allclose(
-                pairs.flow[k][seen], pair.flow[seen], rtol=1e-3, atol=1e-3
-            )
+            np.testing.assert_allclose(pairs.flow[k][seen], pair.flow[seen], rtol=1e-3, atol=1e-3)
         with np.load(path) as arrays:
             pose = ned_pose_from_gltf(arrays["TB"][2])
             np.testing.assert_allclose(pose, evaluation[2].poses[1], atol=1e-12)

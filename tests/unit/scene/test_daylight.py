@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.room import Sky
 from dfvs_rooms.generator.solids import box, panel
 from dfvs_rooms.lighting.daylight import sky_irradiance
 from dfvs_rooms.lighting.fast import blockers

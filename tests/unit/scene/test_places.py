@@ -13,8 +13,7 @@ from dfvs_rooms.fittings.natural import natural_materials
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
 from dfvs_rooms.lighting.bake import lit_scene
-from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES
-from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
+from dfvs_rooms.room_types.room_types import PLACES, REPETITIVE_PLACES, ROOM_KINDS, room_of_kind
 from dfvs_rooms.surfaces.materials import kind_of
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
