@@ -3,8 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.generator.solids import Part, as_one, box, panel, placed, quad_triangles
-
-_SPINES = 24
+from dfvs_rooms.surfaces.artwork import SPINES
 
 
 def bookcase(
@@ -41,7 +40,7 @@ def row_of_books(rng: np.random.Generator, room: tuple[float, float, float], boo
         tall = min(0.95, base + float(rng.uniform(-0.09, 0.14))) * height
         if not gap < x < gap + 0.12:
             low = (x, depth / 2 - 0.025 - deep - float(rng.uniform(0.0, 0.02)), 0.0)
-            row.append(_book(low, (thick, deep, tall), int(rng.integers(_SPINES)), books))
+            row.append(_book(low, (thick, deep, tall), int(rng.integers(SPINES)), books))
         x += thick + 0.001
     return as_one(row or [_book((-0.02, 0.0, 0.0), (0.04, 0.1, 0.7 * height), 0, books)])
 
@@ -52,10 +51,10 @@ def _book(
     """Spine, top and both sides of a book."""
     x0, y0, z0 = low
     x1, y1, z1 = x0 + size[0], y0 + size[1], z0 + size[2]
-    left, right = (which + 0.04) / _SPINES, (which + 0.96) / _SPINES
+    left, right = (which + 0.04) / SPINES, (which + 0.96) / SPINES
     spine = np.array([[left, 1.0], [right, 1.0], [left, 0.0], [right, 0.0]])
     plain = np.array([[0.0, 0.05], [1.0, 0.05], [0.0, 0.01], [1.0, 0.01]])
-    cover = plain * [0.1 / _SPINES, 1.0] + [(which + 0.45) / _SPINES, 0.0]
+    cover = plain * [0.1 / SPINES, 1.0] + [(which + 0.45) / SPINES, 0.0]
     faces = (
         ((x0, y0, z0), (x1, y0, z0), (x0, y0, z1), (x1, y0, z1)),
         ((x0, y0, z1), (x1, y0, z1), (x0, y1, z1), (x1, y1, z1)),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dfvs_rooms.generator.solids import Part, box, corners, cushion, panel, placed, tilted, tube
+from dfvs_rooms.surfaces.artwork import SPINES
 
 
 def sofa(width: float, cloth: str, pillows: tuple[str, ...]) -> list[Part]:
@@ -108,7 +109,7 @@ def book_row(
             x += 0.16
             continue
         at = (x + thick / 2, depth / 2 - 0.025 - deep / 2, 0.0)
-        parts += book((thick, deep, tall), at, int(rng.integers(0, 24)), books)
+        parts += book((thick, deep, tall), at, int(rng.integers(SPINES)), books)
         x += thick + 0.001
     return parts
 
@@ -116,7 +117,7 @@ def book_row(
 def book(
     size: tuple[float, float, float], base: tuple[float, float, float], which: int, books: str
 ) -> list[Part]:
-    """Standing book whose spine, cut from an image of 24 spines, looks to -y."""
+    """Standing book whose spine, cut from an image of spines, looks to -y."""
     parts = []
     for k, face in enumerate(box(size, base, books, edge_m=0.2, skip="-z +y")):
         u = face.uv[:, 0] - face.uv[:, 0].min()
@@ -125,7 +126,7 @@ def book(
         v = v / max(float(v.max()), 1e-9)
         if k > 0:
             u, v = 0.45 + 0.1 * u, 0.01 + 0.05 * v
-        uv = np.stack([(which + 0.04 + 0.92 * u) / 24, v], axis=1)
+        uv = np.stack([(which + 0.04 + 0.92 * u) / SPINES, v], axis=1)
         parts.append(replace(face, uv=uv))
     return parts
 
@@ -136,7 +137,7 @@ def book_pile(rng: np.random.Generator, count: int, books: str) -> list[Part]:
     z = 0.0
     for _ in range(count):
         thick, deep, tall = rng.uniform(0.02, 0.04), rng.uniform(0.15, 0.19), rng.uniform(0.2, 0.27)
-        standing = book((thick, deep, tall), (0, 0, -tall / 2), int(rng.integers(0, 24)), books)
+        standing = book((thick, deep, tall), (0, 0, -tall / 2), int(rng.integers(SPINES)), books)
         lying = [tilted(p, (0, 1, 0), 90) for p in standing]
         parts += placed(lying, 0, 0, z + thick / 2, float(rng.uniform(-25, 25)))
         z += thick
