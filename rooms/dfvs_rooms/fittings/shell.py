@@ -133,9 +133,9 @@ def add_curtains(
 ) -> None:
     """Hang gathered curtains beside a window of a width, from above it to the floor."""
     top = min(place_m[1] + 1.0, layout.height_m - 0.12)
-    parts = placed(props.curtain_rail(width_m + 1.0, "brass"), 0, -0.12, top)
+    parts = placed(props.curtain_rail(width_m + 1.0), 0, -0.12, top)
     for side in (-1, 1):
-        cloth = props.curtain(rng, 0.42, top - 0.02, "drape")
+        cloth = props.curtain(rng, 0.42, top - 0.02)
         parts += placed(cloth, side * (width_m / 2 + 0.2), -0.12)
     layout.parts += on_wall(layout, k, parts, place_m[0])
 

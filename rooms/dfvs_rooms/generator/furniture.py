@@ -53,16 +53,16 @@ def table(size: tuple[float, float, float], top: str, legs: str) -> list[Part]:
     return parts
 
 
-def chair(wood: str, seat: str) -> list[Part]:
+def chair(seat: str) -> list[Part]:
     """Dining chair with a slatted back and an upholstered seat."""
     parts = cushion((0.43, 0.43, 0.06), (0, 0, 0.43), seat, power=6, edge_m=0.08)
-    parts += box((0.42, 0.42, 0.035), (0, 0, 0.405), wood, skip="+z", edge_m=0.14)
+    parts += box((0.42, 0.42, 0.035), (0, 0, 0.405), "walnut", skip="+z", edge_m=0.14)
     for x in (-0.19, 0.19):
-        parts.append(tube((x, -0.19, 0.0), (x, -0.19, 0.42), (0.014, 0.02), wood, sides=8))
-        parts.append(tube((x, 0.21, 0.0), (x, 0.19, 0.45), (0.014, 0.02), wood, sides=8))
-        parts.append(tube((x, 0.19, 0.45), (x, 0.26, 0.93), (0.02, 0.014), wood, sides=8))
+        parts.append(tube((x, -0.19, 0.0), (x, -0.19, 0.42), (0.014, 0.02), "walnut", sides=8))
+        parts.append(tube((x, 0.21, 0.0), (x, 0.19, 0.45), (0.014, 0.02), "walnut", sides=8))
+        parts.append(tube((x, 0.19, 0.45), (x, 0.26, 0.93), (0.02, 0.014), "walnut", sides=8))
     for z, y in ((0.62, 0.215), (0.74, 0.232), (0.86, 0.25)):
-        parts += box((0.38, 0.018, 0.055), (0, y, z), wood, edge_m=0.14)
+        parts += box((0.38, 0.018, 0.055), (0, y, z), "walnut", edge_m=0.14)
     return parts
 
 
@@ -71,33 +71,29 @@ def pouf(cloth: str) -> list[Part]:
     return cushion((0.52, 0.52, 0.36), (0, 0, 0), cloth, power=2.8, edge_m=0.07)
 
 
-def bookcase(
-    rng: np.random.Generator, size: tuple[float, float, float], wood: str, books: str
-) -> list[Part]:
+def bookcase(rng: np.random.Generator, size: tuple[float, float, float]) -> list[Part]:
     """Open bookcase of (width, depth, height) with rows of books and gaps for ornaments."""
     width, depth, height = size
     board = 0.025
     parts = []
     for x in (-1, 1):
         at = (x * (width - board) / 2, 0, 0)
-        parts += box((board, depth, height), at, wood, skip="-z")
+        parts += box((board, depth, height), at, "walnut", skip="-z")
     back = ((-width / 2, depth / 2 - 0.01, 0.0), (width, 0, 0), (0, 0, height))
-    parts.append(panel(*back, wood, edge_m=0.08))
+    parts.append(panel(*back, "walnut", edge_m=0.08))
     outside = ((width / 2, depth / 2, 0.0), (-width, 0, 0), (0, 0, height))
-    parts.append(panel(*outside, wood, edge_m=0.3))
+    parts.append(panel(*outside, "walnut", edge_m=0.3))
     levels = np.linspace(0.06, height - board, max(3, round(height / 0.36)) + 1)
     inner = width - 2 * board
     for k, z in enumerate(levels):
-        parts += box((inner, depth - 0.012, board), (0, -0.005, z), wood, skip="-x +x")
+        parts += box((inner, depth - 0.012, board), (0, -0.005, z), "walnut", skip="-x +x")
         if k + 1 < len(levels):
             room = float(levels[k + 1] - z - board)
-            parts += placed(book_row(rng, inner - 0.02, room, depth, books), 0, 0, z + board)
+            parts += placed(book_row(rng, inner - 0.02, room, depth), 0, 0, z + board)
     return parts
 
 
-def book_row(
-    rng: np.random.Generator, width: float, room: float, depth: float, books: str
-) -> list[Part]:
+def book_row(rng: np.random.Generator, width: float, room: float, depth: float) -> list[Part]:
     """Books on one shelf, standing, with a gap and perhaps a leaning one."""
     parts: list[Part] = []
     x, end = -width / 2, width / 2
@@ -109,7 +105,7 @@ def book_row(
             x += 0.16
             continue
         at = (x + thick / 2, depth / 2 - 0.025 - deep / 2, 0.0)
-        parts += book((thick, deep, tall), at, int(rng.integers(SPINES)), books)
+        parts += book((thick, deep, tall), at, int(rng.integers(SPINES)), "books")
         x += thick + 0.001
     return parts
 
@@ -144,18 +140,18 @@ def book_pile(rng: np.random.Generator, count: int, books: str) -> list[Part]:
     return parts
 
 
-def sideboard(size: tuple[float, float, float], wood: str, doors: str) -> list[Part]:
+def sideboard(size: tuple[float, float, float]) -> list[Part]:
     """Low cupboard on legs with three doors and knobs."""
     width, depth, height = size
     foot = 0.12
-    parts = box((width, depth, height - foot), (0, 0, foot), wood, edge_m=0.08)
+    parts = box((width, depth, height - foot), (0, 0, foot), "oak", edge_m=0.08)
     for leg in corners(width / 2 - 0.07, depth / 2 - 0.06):
-        parts.append(tube((*leg, 0.0), (*leg, foot), (0.014, 0.022), wood, sides=8))
+        parts.append(tube((*leg, 0.0), (*leg, foot), (0.014, 0.022), "oak", sides=8))
     for k in range(3):
         w = (width - 0.08) / 3
         middle = -width / 2 + 0.04 + w * (k + 0.5)
         at = (middle, -depth / 2 - 0.009, foot + 0.04)
-        parts += box((w - 0.008, 0.018, height - foot - 0.08), at, doors, skip="+y")
+        parts += box((w - 0.008, 0.018, height - foot - 0.08), at, "sage", skip="+y")
         knob = (middle + (w / 2 - 0.05) * (1 if k < 2 else -1), -depth / 2 - 0.018, height - 0.18)
         parts.append(tube(knob, (knob[0], knob[1] - 0.025, knob[2]), 0.012, "brass", sides=10))
         parts += box((0.026, 0.006, 0.026), (knob[0], knob[1] - 0.026, knob[2] - 0.013), "brass")

@@ -190,7 +190,7 @@ def _windows(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
         parts = window(width, height, int(rng.integers(1, 4)))
         if rng.random() < 0.4:
             for side in (-1, 1):
-                cloth = props.curtain(rng, 0.3, height + 0.3, "drape")
+                cloth = props.curtain(rng, 0.3, height + 0.3)
                 parts += placed(cloth, side * (width / 2 + 0.12), -0.1, -height / 2 - 0.25)
         piece = Piece(tuple(parts), width + 0.55, 0.2, height / 2 + 0.06)
         found = layout.on_wall(piece, (1.35, 1.7))

@@ -57,7 +57,7 @@ def _windows(layout: Layout, period_m: float, rng: np.random.Generator) -> tuple
     for s in _places(wall.length_m - 0.4, period_m):
         size = (0.6 * period_m, 1.2)
         openings += shell.add_window(layout, NORTH, (float(s), _SILL_M), size, panes=1)
-        radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45, "white"))
+        radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45))
         layout.stand(radiator, NORTH, float(s))
         if rng.random() < 0.5:
             vase = props.vase(float(rng.uniform(0.2, 0.35)), str(rng.choice(["glaze", "clay"])))

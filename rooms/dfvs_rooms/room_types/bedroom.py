@@ -60,7 +60,7 @@ def _bedside_table(rng: np.random.Generator) -> Piece:
         parts += placed(front(0.42, 0.18, "sage", handle="drawer"), 0, -0.19, z)
     for leg in corners(0.18, 0.14):
         parts.append(tube((*leg, 0), (*leg, 0.12), 0.014, "walnut", sides=7))
-    parts += placed(props.table_lamp("linen"), -0.08, 0.06, 0.54)
+    parts += placed(props.table_lamp(), -0.08, 0.06, 0.54)
     books = furniture.book_pile(rng, int(rng.integers(1, 4)), "books")
     return Piece.standing(parts + placed(books, 0.12, -0.06, 0.54))
 
@@ -91,4 +91,4 @@ def _drawers(rng: np.random.Generator) -> Piece:
             parts += placed(drawer, column * 0.305, -depth / 2, 0.1 + 0.25 * row)
     parts += placed([props.vase(0.32, "clay")], -0.42, 0, height)
     parts += placed(furniture.book_pile(rng, 4, "books"), 0.05, 0, height)
-    return Piece.standing(parts + placed(props.palm(rng, 0.32, "fern", 0.08), 0.42, 0, height))
+    return Piece.standing(parts + placed(props.palm(rng, 0.32, 0.08), 0.42, 0, height))

@@ -102,9 +102,9 @@ def _table(rng: np.random.Generator) -> Piece:
     parts = furniture.table((1.3, 0.8, 0.75), "oak", "metal")
     for x in (-0.35, 0.35):
         for side, turn in ((1, 0.0), (-1, 180.0)):
-            chair = furniture.chair("walnut", "armchair")
+            chair = furniture.chair("armchair")
             parts += placed(chair, x, side * 0.6, 0, turn + float(rng.uniform(-10, 10)))
-    parts += placed(props.palm(rng, 0.2, "fern", pot_radius=0.06), 0, 0, 0.75)
+    parts += placed(props.palm(rng, 0.2, pot_radius=0.06), 0, 0, 0.75)
     parts += placed(_jar(rng), 0.18, 0.05, 0.75)
     tray = box((0.4, 0.3, 0.02), (0, 0, 0), "accent")
     return Piece.standing(parts + placed(tray, -0.35, -0.15, 0.75, float(rng.uniform(-20, 20))))

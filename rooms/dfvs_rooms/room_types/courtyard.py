@@ -119,7 +119,7 @@ def _garden(layout: Layout, rng: np.random.Generator) -> None:
         tub = greenery.tub(rng, radius, clay, f"leaf{rng.integers(2)}")
         layout.against_wall(Piece.standing(tub))
     for _ in range(4):
-        pot = props.palm(rng, float(rng.uniform(0.35, 0.6)), "fern")
+        pot = props.palm(rng, float(rng.uniform(0.35, 0.6)))
         layout.against_wall(Piece.standing(pot))
     barrel = lathe([(0.24, 0.0), (0.3, 0.35), (0.3, 0.45), (0.25, 0.8)], "oak", sides=24)
     layout.against_wall(Piece.standing([barrel, disc(0.24, (0, 0, 0.76), "pane")]))
@@ -173,7 +173,7 @@ def _table(rng: np.random.Generator) -> Piece:
     """Round metal table with chairs, cushions and a pot."""
     top = [(0.02, 0.7), (0.48, 0.7), (0.5, 0.72), (0.48, 0.735), (0.01, 0.735)]
     parts = [lathe(top, "accent", sides=30), tube((0, 0, 0), (0, 0, 0.7), 0.03, "metal")]
-    parts += placed(props.palm(rng, 0.25, "fern", pot_radius=0.08), 0.1, 0.1, 0.735)
+    parts += placed(props.palm(rng, 0.25, pot_radius=0.08), 0.1, 0.1, 0.735)
     for angle in np.radians([20, 140, 260]):
         turn = float(np.degrees(angle)) - 90.0
         place = float(0.85 * np.cos(angle)), float(0.85 * np.sin(angle))

@@ -34,12 +34,12 @@ def _fittings(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     reach = layout.walls[NORTH].length_m / 2
     plan = ["unit"] * int((2 * reach - 0.75) / UNIT_M)
     plan[1], plan[-2] = "sink", "oven"
-    run = cupboards.run_of_units(rng, plan, "sage", "worktop")
+    run = cupboards.run_of_units(rng, plan)
     width = UNIT_M * len(plan)
     middle = reach - width / 2 - 0.01
     layout.stand(Piece.standing(run), NORTH, middle)
     layout.stand(Piece.standing(cupboards.fridge()), NORTH, middle - width / 2 - 0.36)
-    side = cupboards.run_of_units(rng, ["unit"] * 3, "sage", "worktop")
+    side = cupboards.run_of_units(rng, ["unit"] * 3)
     layout.stand(Piece.standing(side), EAST, -layout.walls[EAST].length_m / 2 + 1.55)
     left = middle - width / 2
     shell.clad(layout, NORTH, (left, reach, TOP_M, 1.5), "subway")
@@ -48,7 +48,7 @@ def _fittings(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     opening = shell.add_window(layout, NORTH, (at_sink, 1.68), (0.95, 0.85))
     count = int((at_oven - at_sink - 0.5 - 0.55) / UNIT_M)
     if count > 0:
-        units = Piece.hanging(cupboards.wall_units(rng, count, "sage"))
+        units = Piece.hanging(cupboards.wall_units(rng, count))
         layout.hang(units, NORTH, 0.5 * (at_oven + at_sink) + 0.02, 1.86)
     layout.parts += shell.on_wall(layout, NORTH, _rail_of_pans(), at_oven - 0.05, 1.38)
     layout.parts += shell.on_wall(layout, NORTH, _worktop_things(rng), left + 2.1, TOP_M)
@@ -96,7 +96,7 @@ def _worktop_things(rng: np.random.Generator) -> list[Part]:
         top = (0.42 + float(lean[0]), -0.16 + float(lean[1]), 0.3)
         parts.append(tube((0.42, -0.16, 0.02), top, 0.006, "oak", sides=6))
         parts += cushion((0.04, 0.02, 0.07), top, "oak" if k % 2 else "steel", power=3)
-    return parts + placed(props.palm(rng, 0.26, "fern", pot_radius=0.08), 0.68, -0.2)
+    return parts + placed(props.palm(rng, 0.26, pot_radius=0.08), 0.68, -0.2)
 
 
 def _rail_of_pans() -> list[Part]:

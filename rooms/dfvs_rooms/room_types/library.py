@@ -80,7 +80,7 @@ def _reading_table(rng: np.random.Generator) -> Piece:
     for x in (-0.75, 0.0, 0.75):
         for side in (1, -1):
             turn = (0.0 if side > 0 else 180.0) + float(rng.uniform(-15, 15))
-            parts += placed(furniture.chair("walnut", "leather"), x, side * 0.74, 0, turn)
+            parts += placed(furniture.chair("leather"), x, side * 0.74, 0, turn)
     return Piece.standing(parts)
 
 

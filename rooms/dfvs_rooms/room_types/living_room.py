@@ -169,9 +169,9 @@ def _window(rng: np.random.Generator) -> list[Part]:
     uv = np.stack(np.broadcast_arrays(0.5 + 0.5 * s, rise), -1)
     parts.append(sheet(view, uv, "garden"))
     for x in (x0 - 0.28, x1 + 0.28):
-        parts += placed(curtain(rng, 0.62, 2.42, "drape"), x, _NORTH - 0.13)
-    parts += placed(curtain_rail(w + 1.35, "brass"), cx, _NORTH - 0.13, 2.45)
-    return parts + placed(radiator(1.7, 0.55, "white"), cx, _NORTH)
+        parts += placed(curtain(rng, 0.62, 2.42), x, _NORTH - 0.13)
+    parts += placed(curtain_rail(w + 1.35), cx, _NORTH - 0.13, 2.45)
+    return parts + placed(radiator(1.7, 0.55), cx, _NORTH)
 
 
 def _furniture(rng: np.random.Generator) -> list[Part]:
@@ -181,16 +181,16 @@ def _furniture(rng: np.random.Generator) -> list[Part]:
     parts += placed(table((1.15, 0.62, 0.42), "oak", "walnut"), 0.1, -0.95, 0)
     parts += placed(book_pile(rng, 4, "books"), 0.42, -0.95, 0.42)
     parts += placed([vase(0.20, "glaze")], -0.15, -0.85, 0.42)
-    parts += placed(bookcase(rng, (1.0, 0.32, 2.15), "walnut", "books"), 3.33, -1.95, 0, -90)
-    parts += placed(bookcase(rng, (1.0, 0.32, 2.15), "walnut", "books"), 3.33, -0.93, 0, -90)
-    parts += placed(sideboard((1.75, 0.42, 0.78), "oak", "sage"), 3.27, 0.85, 0, -90)
+    parts += placed(bookcase(rng, (1.0, 0.32, 2.15)), 3.33, -1.95, 0, -90)
+    parts += placed(bookcase(rng, (1.0, 0.32, 2.15)), 3.33, -0.93, 0, -90)
+    parts += placed(sideboard((1.75, 0.42, 0.78)), 3.27, 0.85, 0, -90)
     parts += placed(book_pile(rng, 5, "books"), 3.27, 0.62, 0.78, 70)
     parts += placed([vase(0.30, "clay")], 3.27, 0.28, 0.78)
     parts += placed(table((1.35, 0.85, 0.75), "oak", "oak"), -2.45, 0.25, 0)
     parts += placed(fruit_bowl(rng), -2.45, 0.25, 0.75)
     for x, turn in ((-2.80, 0.0), (-2.12, 0.0)):
-        parts += placed(chair("walnut", "linen"), x, 0.85, 0, turn)
-        parts += placed(chair("walnut", "linen"), x, -0.35, 0, 180 + turn)
+        parts += placed(chair("linen"), x, 0.85, 0, turn)
+        parts += placed(chair("linen"), x, -0.35, 0, 180 + turn)
     parts += placed(pouf("chevron"), 1.95, -1.15)
     return parts + placed(basket(0.24, 0.36), 1.75, -2.55)
 
@@ -213,18 +213,18 @@ def _wall_decor(rng: np.random.Generator) -> list[Part]:
     parts += placed(framed_artwork(0.50, 0.50, "swirls2", "oak"), -_EAST, -1.75, 1.60, 90)
     parts += placed(framed_artwork(0.62, 0.46, "contours2", "walnut"), -_EAST, -0.85, 1.66, 90)
     parts += placed(framed_artwork(0.40, 0.54, "rectangles2", "black"), -2.75, _NORTH, 1.65, 0)
-    parts += placed(wall_shelf(rng, 0.95, "oak", "books"), 2.45, _NORTH, 1.28)
-    parts += placed(clock(0.17, "clock", "brass"), 2.55, _NORTH, 1.95)
+    parts += placed(wall_shelf(rng, 0.95), 2.45, _NORTH, 1.28)
+    parts += placed(clock(0.17, "brass"), 2.55, _NORTH, 1.95)
     return parts + placed(door(0.9, 2.05, "sage", "white"), -_EAST, 1.5, 0, 90)
 
 
 def _plants_and_lamps(rng: np.random.Generator) -> list[Part]:
     """Pot plants and the three lamps."""
-    parts = placed(palm(rng, 0.66, "fern"), 2.62, 2.15)
-    parts += placed(palm(rng, 0.20, "fern", pot_radius=0.07), -0.95, _NORTH + 0.03, WINDOW[2])
-    parts += placed(palm(rng, 0.24, "fern", pot_radius=0.07), 0.62, _NORTH + 0.03, WINDOW[2])
-    parts += placed(rubber_tree(rng, 1.25, "rubber"), -2.95, 2.55)
-    parts += placed(palm(rng, 0.42, "fern"), 2.80, -2.62)
+    parts = placed(palm(rng, 0.66), 2.62, 2.15)
+    parts += placed(palm(rng, 0.20, pot_radius=0.07), -0.95, _NORTH + 0.03, WINDOW[2])
+    parts += placed(palm(rng, 0.24, pot_radius=0.07), 0.62, _NORTH + 0.03, WINDOW[2])
+    parts += placed(rubber_tree(rng, 1.25), -2.95, 2.55)
+    parts += placed(palm(rng, 0.42), 2.80, -2.62)
     parts += placed(pendant_lamp(0.55, 0.16), 0.1, 0.2, HEIGHT_M)
-    parts += placed(floor_lamp(1.62, "linen"), -1.45, -2.55)
-    return parts + placed(table_lamp("linen"), 3.27, 1.42, 0.78)
+    parts += placed(floor_lamp(1.62), -1.45, -2.55)
+    return parts + placed(table_lamp(), 3.27, 1.42, 0.78)

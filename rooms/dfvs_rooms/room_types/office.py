@@ -29,7 +29,7 @@ def office(rng: np.random.Generator) -> Place:
     for k in range(3):
         layout.hang(shell.framed(f"poster{k}", (0.42, 0.6), "black"), SOUTH, 0.9 * k - 1.9, 1.75)
     shell.scatter(layout, rng, (pieces.plant, pieces.cartons, pieces.seat), 4)
-    layout.hang(Piece.hanging(props.clock(0.17, "clock", "black")), SOUTH, 1.0, 2.2)
+    layout.hang(Piece.hanging(props.clock(0.17, "black")), SOUTH, 1.0, 2.2)
     shell.hang_lamps(layout, (2, 2), 0.45)
     return Place(layout, openings)
 

@@ -49,7 +49,7 @@ def _south_side(layout: Layout, rng: np.random.Generator) -> None:
         at = s * reach + float(rng.uniform(-0.2, 0.2))
         layout.stand(Piece.standing(_class_door(rng)), SOUTH, at)
         layout.hang(shell.framed(f"label{j}", (0.34, 0.085), "black"), SOUTH, at, 2.3)
-    layout.stand(Piece.standing(props.radiator(1.2, 0.5, "white")), SOUTH, 0.36 * reach)
+    layout.stand(Piece.standing(props.radiator(1.2, 0.5)), SOUTH, 0.36 * reach)
     layout.hang(Piece.hanging(_coats(rng)), SOUTH, -0.34 * reach, 1.6)
     layout.hang(shell.framed("noticeboard1", (1.0, 0.7), "oak"), SOUTH, 0.36 * reach, 1.95)
     layout.hang(Piece.hanging(_extinguisher()), SOUTH, 0.93 * reach, 0.9)

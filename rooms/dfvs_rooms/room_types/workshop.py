@@ -51,7 +51,7 @@ def _benches(layout: Layout, rng: np.random.Generator) -> None:
         for x in np.arange(-0.8, 0.85, 0.2):
             parts += placed(_paint_tin(rng), float(x), -0.12)
         layout.parts += shell.on_wall(layout, EAST, parts, 0.4, z)
-    clock = Piece.hanging(props.clock(0.18, "clock", "black"))
+    clock = Piece.hanging(props.clock(0.18, "black"))
     layout.hang(clock, EAST, 0.4, 2.45)
 
 
