@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -104,9 +105,8 @@ def wall_units(rng: np.random.Generator, count: int) -> list[Part]:
 def hood() -> list[Part]:
     """Extractor hood with its chimney, its lower edge 0.36 m below the origin."""
     slope = [(0.42, -0.36), (0.42, -0.31), (0.16, -0.12), (0.16, 0.36)]
-    shape = lathe(slope, "steel", sides=4).moved(0, 0, 0, 45)
-    vertices = shape.vertices * [1.0, 0.8, 1.0] + [0, -0.24, 0]
-    return [Part(vertices, shape.normals, shape.uv, shape.triangles, "steel", is_sheet=True)]
+    shape = lathe(slope, "steel", sides=4, is_sheet=True).moved(0, 0, 0, 45)
+    return [replace(shape, vertices=shape.vertices * [1.0, 0.8, 1.0] + [0, -0.24, 0])]
 
 
 def fridge() -> list[Part]:

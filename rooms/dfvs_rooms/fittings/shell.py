@@ -1,6 +1,6 @@
 """Floors, walls, windows and lamps of the places, and where things are put by plan."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -159,17 +159,6 @@ def scatter(
         layout.against_wall(draws[int(rng.integers(len(draws)))](rng))
 
 
-def hang_anywhere(
-    layout: Layout,
-    rng: np.random.Generator,
-    draw: Callable[[np.random.Generator], Piece],
-    count: int,
-) -> None:
-    """Hang drawn things at eye level."""
-    for _ in range(count):
-        layout.on_wall(draw(rng), (1.3, 1.8))
-
-
 def hang_lamps(layout: Layout, grid: tuple[int, int], drop_m: float, shade: str = "") -> None:
     """Hang lamps under the ceiling on a grid, with shades of enamel or opal globes."""
     columns, rows = grid
@@ -198,16 +187,11 @@ def drawn_tin(
     height_m: tuple[float, float],
     labels: int,
 ) -> list[Part]:
-    """Tin or jar of a drawn size with one of some labels, turned anyhow."""
-    size = float(rng.uniform(*radius_m)), float(rng.uniform(*height_m))
-    parts = tin(*size, f"label{rng.integers(labels)}")
-    return placed(parts, 0, 0, 0, float(rng.uniform(0, 360)))
-
-
-def tin(radius_m: float, height_m: float, material: str) -> list[Part]:
-    """Tin or jar with a label all around, standing at the origin."""
-    body = lathe([(radius_m, 0.0), (radius_m, height_m)], material, sides=16)
+    """Tin or jar of a drawn size, one of some labels all around it, turned anyhow."""
+    radius, height = float(rng.uniform(*radius_m)), float(rng.uniform(*height_m))
+    body = lathe([(radius, 0.0), (radius, height)], f"label{rng.integers(labels)}", sides=16)
     turn = np.linspace(0.0, 1.0, 17)
     uv = np.stack([np.tile(turn, 2), np.repeat([1.0, 0.0], 17)], 1)
-    lid = [(radius_m, height_m), (0.97 * radius_m, height_m + 0.006), (0.003, height_m + 0.006)]
-    return [replace(body, uv=uv), lathe(lid, "steel", sides=16)]
+    lid = [(radius, height), (0.97 * radius, height + 0.006), (0.003, height + 0.006)]
+    parts = [replace(body, uv=uv), lathe(lid, "steel", sides=16)]
+    return placed(parts, 0, 0, 0, float(rng.uniform(0, 360)))

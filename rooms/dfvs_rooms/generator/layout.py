@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from dfvs_rooms.generator.solids import Part, placed
 
 _TRIES = 12
 _GAP_M, _OFF_WALL_M = 0.04, 0.002
+_Area: TypeAlias = tuple[float, float, float, float]
+"""Rectangle (left, low, right, high), m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +87,8 @@ class Layout:
         )
         self.parts: list[Part] = []
         self._rng = rng
-        self._floor: list[tuple[float, float, float, float]] = []
-        self._on_walls: list[list[tuple[float, float, float, float]]] = [[], [], [], []]
+        self._floor: list[_Area] = []
+        self._on_walls: list[list[_Area]] = [[], [], [], []]
 
     def against_wall(self, piece: Piece) -> bool:
         """Stand a piece with its back against a wall; False if no place was found."""
@@ -145,19 +148,19 @@ class Layout:
         self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
         return True
 
-    def in_the_middle(self, piece: Piece, *, turned: bool = True) -> tuple[float, float] | None:
-        """Stand a piece anywhere on the floor, turned anyhow; returns where."""
+    def in_the_middle(self, piece: Piece, *, turned: bool = True) -> bool:
+        """Stand a piece anywhere on the floor, turned anyhow; False if no place was found."""
         angle = float(self._rng.uniform(0.0, 360.0)) if turned else 0.0
         reach = float(np.hypot(piece.width_m, piece.depth_m)) if turned else 0.0
         size = (reach, reach) if turned else (piece.width_m, piece.depth_m)
         limit = self.half - np.array(size) / 2 - _GAP_M
         if (limit < 0).any():
-            return None
+            return False
         for _ in range(_TRIES):
             x, y = (float(v) for v in self._rng.uniform(-limit, limit))
             if self._put(piece, (x, y), size, angle):
-                return x, y
-        return None
+                return True
+        return False
 
     def set_down(self, piece: Piece, x: float, y: float, turn_deg: float = 0.0) -> bool:
         """Stand a piece with its middle at (x, y), turned; False where that is taken."""
@@ -177,19 +180,17 @@ class Layout:
         return True
 
 
-def _around(x: float, y: float, size: tuple[float, float]) -> tuple[float, float, float, float]:
+def _around(x: float, y: float, size: tuple[float, float]) -> _Area:
     return x - size[0] / 2, y - size[1] / 2, x + size[0] / 2, y + size[1] / 2
 
 
-def _beyond(area: tuple[float, float, float, float], wall: Wall) -> bool:
-    """Tell whether a rectangle (left, low, right, high) reaches past a wall's ends."""
+def _beyond(area: _Area, wall: Wall) -> bool:
+    """Tell whether an area reaches past a wall's ends."""
     return max(-area[0], area[2]) > wall.length_m / 2
 
 
-def _meets(
-    area: tuple[float, float, float, float], taken: list[tuple[float, float, float, float]]
-) -> bool:
-    """Tell whether a rectangle (left, low, right, high) overlaps one of those taken."""
+def _meets(area: _Area, taken: list[_Area]) -> bool:
+    """Tell whether an area overlaps one of those taken."""
     return any(
         area[0] < t[2] and t[0] < area[2] and area[1] < t[3] and t[1] < area[3] for t in taken
     )

@@ -53,10 +53,6 @@ class Part:
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return replace(self, vertices=self.vertices @ R.T + [x, y, z], normals=self.normals @ R.T)
 
-    def of(self, material: str) -> Part:
-        """Same shape of another material."""
-        return replace(self, material=material)
-
 
 def placed(
     parts: Iterable[Part], x: float, y: float, z: float = 0.0, turn_deg: float = 0.0

@@ -32,7 +32,8 @@ def bedroom(rng: np.random.Generator) -> Place:
         layout.hang(shell.framed(f"picture{k + 3}", size, "black"), SOUTH, s, 1.62)
     layout.set_down(Piece.standing(furniture.armchair("armchair", "print")), -1.5, -1.25, -125.0)
     shell.scatter(layout, rng, (pieces.plant, pieces.basket, pieces.seat, pieces.standing_lamp), 5)
-    shell.hang_anywhere(layout, rng, pieces.wall_thing, 2)
+    for _ in range(2):
+        layout.on_wall(pieces.wall_thing(rng), (1.3, 1.8))
     layout.parts += placed(props.rug("rug", 2.5, 1.7), bed, -0.25)
     shell.hang_lamps(layout, (1, 1), 0.5)
     return Place(layout, openings)

@@ -1,5 +1,7 @@
 """A kitchen: fitted cupboards in an L, a table or an island, tiles, jars and pans."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell
@@ -105,8 +107,7 @@ def _rail_of_pans() -> list[Part]:
     for x, radius in ((-0.34, 0.09), (-0.1, 0.075), (0.12, 0.065), (0.32, 0.055)):
         pan = lathe([(0.004, -0.02), (radius, -0.02), (1.1 * radius, 0.03)], "black", is_sheet=True)
         upright = np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0]], dtype=float)
-        vertices, normals = pan.vertices @ upright.T, pan.normals @ upright.T
-        turned = Part(vertices, normals, pan.uv, pan.triangles, "black", is_sheet=True)
+        turned = replace(pan, vertices=pan.vertices @ upright.T, normals=pan.normals @ upright.T)
         parts += placed([turned], x, -0.06, -0.14 - radius)
         parts.append(tube((x, -0.05, -0.15), (x, -0.05, 0), 0.007, "black", sides=6))
     return parts

@@ -80,7 +80,7 @@ class TestLayout:
         layout = Layout((5.0, 4.0, 2.5), np.random.default_rng(5))
         crate = Piece.standing(box((0.6, 0.4, 0.8), (0, 0, 0), "carton"))
         put = sum(layout.against_wall(crate) for _ in range(40))
-        put += sum(layout.in_the_middle(crate, turned=False) is not None for _ in range(40))
+        put += sum(layout.in_the_middle(crate, turned=False) for _ in range(40))
         assert put > 15
         faces = len(crate.parts)
         points = np.array(
@@ -117,6 +117,6 @@ class TestLayout:
         layout = Layout((3.0, 2.0, 2.5), np.random.default_rng(1))
         giant = Piece.standing(box((4.0, 4.0, 1.0), (0, 0, 0), "carton"))
         assert not layout.against_wall(giant)
-        assert layout.in_the_middle(giant) is None
+        assert not layout.in_the_middle(giant)
         assert layout.on_wall(Piece.hanging(giant.parts), (1.0, 1.5)) is None
         assert layout.parts == []

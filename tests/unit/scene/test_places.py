@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -54,7 +55,7 @@ def materials():
 @functools.cache
 def seen(kind):
     """The place with its materials in even light."""
-    parts = [part.of(kind_of(part.material)) for part in place(kind).layout.parts]
+    parts = [replace(p, material=kind_of(p.material)) for p in place(kind).layout.parts]
     room = Room(tuple(joined(parts)), materials(), sky=place(kind).sky)
     return Renderer(lit_scene(room, [np.full_like(part.vertices, 1.0) for part in room.parts]))
 

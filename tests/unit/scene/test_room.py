@@ -1,12 +1,14 @@
 """What the generator builds, and the light that the tracer measures in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dfvs_rooms.generator.furniture import armchair, bookcase, chair, sideboard, table
 from dfvs_rooms.generator.props import curtain, framed_artwork, palm
 from dfvs_rooms.generator.room import Room
-from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, sphere, tube
+from dfvs_rooms.generator.solids import box, cushion, disc, lathe, panel, sphere, tube
 from dfvs_rooms.lighting.bake import exposed, filled, smoothed
 from dfvs_rooms.lighting.path_traced import BakeError, BakeSettings, measure_irradiance
 from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, WIDTH_M, room_parts
@@ -108,8 +110,7 @@ class TestLight:
     def test_of_a_ball_falls_off_as_theory_says(self):
         pytest.importorskip("mitsuba", reason="needs the extra [bake]")
         floor = panel((-1, -1, 0), (2, 0, 0), (0, 2, 0), "floor", edge_m=0.08)
-        ball = sphere(0.1, (0, 0, 1.5), "globe")
-        lamp = Part(ball.vertices, ball.normals, ball.uv, ball.triangles, "globe", emission=1.0)
+        lamp = replace(sphere(0.1, (0, 0, 1.5), "globe"), emission=1.0)
         grey = np.full((4, 4, 3), 128, np.uint8)
         room = Room((floor, lamp), {"floor": Material(grey), "globe": Material(grey, shines=True)})
         settings = BakeSettings(samples=256)
