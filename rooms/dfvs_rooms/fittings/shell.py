@@ -9,30 +9,10 @@ from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.interior import window
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening, Sky
 from dfvs_rooms.generator.solids import Part, box, lathe, panel, placed, sphere, tube
 
 NORTH, EAST, SOUTH, WEST = range(4)
 _SKIRTING_M = 0.016
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A furnished place, not yet painted.
-
-    Parameters
-    ----------
-    layout : Layout
-        With all parts.
-    openings : tuple of Opening
-        Windows that light it.
-    sky : Sky, optional
-        Where it has no roof.
-    """
-
-    layout: Layout
-    openings: tuple[Opening, ...] = ()
-    sky: Sky | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +87,11 @@ def add_window(
     place_m: tuple[float, float],
     size_m: tuple[float, float],
     panes: int = 2,
-) -> tuple[Opening, ...]:
+) -> None:
     """Add a window at (s, z) of wall k; nothing where something hangs already."""
     piece = Piece(tuple(window(*size_m, panes)), size_m[0] + 0.1, 0.2, size_m[1] / 2 + 0.06)
-    if not layout.hang(piece, k, *place_m):
-        return ()
-    return (Opening.on_wall(layout.walls[k], place_m, size_m),)
+    if layout.hang(piece, k, *place_m):
+        layout.let_in_light(k, place_m, size_m)
 
 
 def add_windows(  # noqa: PLR0913
@@ -122,10 +101,10 @@ def add_windows(  # noqa: PLR0913
     height_m: float,
     size_m: tuple[float, float],
     panes: int,
-) -> tuple[Opening, ...]:
+) -> None:
     """Add equal windows at places along wall k, all at one height."""
-    each = [add_window(layout, k, (s, height_m), size_m, panes) for s in places_m]
-    return tuple(opening for added in each for opening in added)
+    for s in places_m:
+        add_window(layout, k, (s, height_m), size_m, panes)
 
 
 def add_curtains(

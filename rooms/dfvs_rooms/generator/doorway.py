@@ -27,8 +27,9 @@ _OFF_WALL_M = 0.002
 def doorway_rooms(seed: int) -> Room:
     """Two furnished rooms, west and east of a wall with a doorway in its middle."""
     shape, looks = np.random.default_rng([seed, 2]).spawn(2)
-    layout, openings = furnished(_KIND, shape)
-    return painted([*layout.parts, *_partition(shape)], openings, looks)
+    layout = furnished(_KIND, shape)
+    layout.parts += _partition(shape)
+    return painted(layout, looks)
 
 
 def _partition(rng: np.random.Generator) -> list[Part]:

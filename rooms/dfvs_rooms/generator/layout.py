@@ -8,12 +8,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dfvs_rooms.generator.room import Opening, Sky
 from dfvs_rooms.generator.solids import Part, placed
 
 _TRIES = 12
 _GAP_M, _OFF_WALL_M = 0.04, 0.002
 _Area: TypeAlias = tuple[float, float, float, float]
 """Rectangle (left, low, right, high), m."""
+_OPENING_BEFORE_WALL_M, _PANE_BEFORE_WALL_M = 0.07, 0.002
+"""Skylight of a window on a wall shines from before its frame; its pane is behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,15 @@ class Layout:
         Length (east-west), width (north-south) and height, m.
     rng : numpy.random.Generator
         Draws the places.
+
+    Attributes
+    ----------
+    parts : list of Part
+        All that is in it.
+    openings : list of Opening
+        Windows that light it.
+    sky : Sky, optional
+        Where it has no roof.
     """
 
     def __init__(self, size_m: tuple[float, float, float], rng: np.random.Generator) -> None:
@@ -86,6 +98,8 @@ class Layout:
             Wall(width, length / 2, 90.0),
         )
         self.parts: list[Part] = []
+        self.openings: list[Opening] = []
+        self.sky: Sky | None = None
         self._rng = rng
         self._floor: list[_Area] = []
         self._on_walls: list[list[_Area]] = [[], [], [], []]
@@ -147,6 +161,15 @@ class Layout:
         x, y = wall.point(s, wall.distance_m)
         self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
         return True
+
+    def let_in_light(
+        self, k: int, place_m: tuple[float, float], size_m: tuple[float, float]
+    ) -> None:
+        """Let skylight in from a window on wall k, at place (along the wall, height), m."""
+        wall = self.walls[k]
+        x, y = wall.point(place_m[0], wall.distance_m - _OPENING_BEFORE_WALL_M)
+        before_pane_m = _OPENING_BEFORE_WALL_M - _PANE_BEFORE_WALL_M
+        self.openings.append(Opening((x, y, place_m[1]), wall.turn_deg, size_m, before_pane_m))
 
     def in_the_middle(self, piece: Piece, *, turned: bool = True) -> bool:
         """Stand a piece anywhere on the floor, turned anyhow; False if no place was found."""

@@ -1,18 +1,12 @@
 """A room without light: its parts, its materials, its openings and the sky over it."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_rooms.generator.layout import Wall
 from dfvs_rooms.generator.solids import Part
 from dfvs_rooms.surfaces.materials import Material
-
-OPENING_BEFORE_WALL_M = 0.07
-"""Skylight of a window on a wall shines from here, m: before its frame."""
-_PANE_BEFORE_WALL_M = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +30,6 @@ class Opening:
     turn_deg: float
     size_m: tuple[float, float]
     before_pane_m: float = 0.0
-
-    @classmethod
-    def on_wall(cls, wall: Wall, place_m: tuple[float, float], size_m: tuple[float, float]) -> Self:
-        """Skylight just before a wall, at place (along the wall, height), m."""
-        x, y = wall.point(place_m[0], wall.distance_m - OPENING_BEFORE_WALL_M)
-        middle = (x, y, place_m[1])
-        return cls(middle, wall.turn_deg, size_m, OPENING_BEFORE_WALL_M - _PANE_BEFORE_WALL_M)
 
     @property
     def pane_middle(self) -> FloatArray:

@@ -4,19 +4,19 @@ import numpy as np
 
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.cupboards import front
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
-from dfvs_rooms.generator.layout import Piece
+from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.solids import box, corners, cushion, placed, tube
 
 
-def bedroom(rng: np.random.Generator) -> Place:
+def bedroom(rng: np.random.Generator) -> Layout:
     """Furnish a bedroom."""
     layout = shell.drawn_layout(rng, (4.6, 5.6), (4.0, 4.8), (2.5, 2.8))
     shell.build_shell(layout, Finish("planks", ("wallpaper", "wall0", "wall0", "wall0")))
     window = (float(rng.uniform(-0.5, 0.6)), 1.45)
-    openings = shell.add_window(layout, WEST, window, (1.5, 1.4), panes=2)
+    shell.add_window(layout, WEST, window, (1.5, 1.4), panes=2)
     shell.add_curtains(layout, WEST, window, 1.5, rng)
     bed = float(rng.uniform(-0.35, 0.35))
     layout.stand(_bed(rng), NORTH, bed)
@@ -36,7 +36,7 @@ def bedroom(rng: np.random.Generator) -> Place:
         layout.on_wall(pieces.wall_thing(rng), (1.3, 1.8))
     layout.parts += placed(props.rug("rug", 2.5, 1.7), bed, -0.25)
     shell.hang_lamps(layout, (1, 1), 0.5)
-    return Place(layout, openings)
+    return layout
 
 
 def _bed(rng: np.random.Generator) -> Piece:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.fittings import greenery, shell
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.room import Sky
@@ -12,7 +12,7 @@ from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, 
 _DOME_M = 14.0
 
 
-def courtyard(rng: np.random.Generator) -> Place:
+def courtyard(rng: np.random.Generator) -> Layout:
     """Build and plant a courtyard."""
     layout = shell.drawn_layout(rng, (8.0, 9.6), (6.6, 7.8), (4.2, 4.8))
     walls = ("bricks", "stucco", "stone", "wall0")
@@ -24,8 +24,8 @@ def courtyard(rng: np.random.Generator) -> Place:
     _fronts(layout, rng)
     _garden(layout, rng)
     layout.parts.append(_dome())
-    sky = Sky(float(rng.uniform(0, 360)), float(rng.uniform(48, 62)))
-    return Place(layout, (), sky)
+    layout.sky = Sky(float(rng.uniform(0, 360)), float(rng.uniform(48, 62)))
+    return layout
 
 
 def _reach(layout: Layout, k: int) -> float:

@@ -6,32 +6,31 @@ import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell
 from dfvs_rooms.fittings.cupboards import TOP_M, UNIT_M
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, placed, tube
 
 
-def kitchen(rng: np.random.Generator) -> Place:
+def kitchen(rng: np.random.Generator) -> Layout:
     """Furnish a kitchen."""
     layout = shell.drawn_layout(rng, (4.4, 5.6), (3.8, 4.6), (2.5, 2.8))
     floor = str(rng.choice(["checkers", "flagstone", "planks", "parquet"]))
     shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall1", "wall0")))
-    openings = _fittings(layout, rng)
+    _fittings(layout, rng)
     place = (float(rng.uniform(-0.8, 0.8)), 1.5)
-    openings += shell.add_window(layout, WEST, place, (1.4, 1.3))
+    shell.add_window(layout, WEST, place, (1.4, 1.3))
     layout.stand(Piece.standing(props.door(0.9, 2.05, "white", "white")), SOUTH, 1.0)
     layout.stand(pieces.sideboard(rng), SOUTH, -0.8)
     layout.set_down(_table(rng), -0.5, -0.35, float(rng.choice([0.0, 90.0])))
     shell.hang_row(layout, SOUTH, [_poster(rng, k) for k in range(4)], 1.65)
     shell.scatter(layout, rng, (pieces.plant, pieces.basket, pieces.seat), 3)
     shell.hang_lamps(layout, (2, 1), 0.75, shade=str(rng.choice(["accent", "sage", "black"])))
-    return Place(layout, openings)
+    return layout
 
 
-def _fittings(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
+def _fittings(layout: Layout, rng: np.random.Generator) -> None:
     """Cupboards along the north wall and round the north-east corner, and what is over them."""
     reach = layout.walls[NORTH].length_m / 2
     plan = ["unit"] * int((2 * reach - 0.75) / UNIT_M)
@@ -47,7 +46,7 @@ def _fittings(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     shell.clad(layout, NORTH, (left, reach, TOP_M, 1.5), "subway")
     at_oven, at_sink = left + UNIT_M * (len(plan) - 1.5), left + UNIT_M * 1.5
     layout.hang(Piece.hanging(cupboards.hood()), NORTH, at_oven, 1.95)
-    opening = shell.add_window(layout, NORTH, (at_sink, 1.68), (0.95, 0.85))
+    shell.add_window(layout, NORTH, (at_sink, 1.68), (0.95, 0.85))
     count = int((at_oven - at_sink - 0.5 - 0.55) / UNIT_M)
     if count > 0:
         units = Piece.hanging(cupboards.wall_units(rng, count))
@@ -56,7 +55,6 @@ def _fittings(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     layout.parts += shell.on_wall(layout, NORTH, _worktop_things(rng), left + 2.1, TOP_M)
     layout.parts += shell.on_wall(layout, EAST, _worktop_things(rng), -0.5 - reach * 0.1, TOP_M)
     _shelves(layout, rng)
-    return opening
 
 
 def _shelves(layout: Layout, rng: np.random.Generator) -> None:

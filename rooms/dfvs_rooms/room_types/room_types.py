@@ -6,9 +6,9 @@ import numpy as np
 
 from dfvs_core.errors import ConfigError
 from dfvs_rooms.fittings.natural import WALLS, natural_materials
-from dfvs_rooms.fittings.shell import Place
 from dfvs_rooms.generator.doorway import doorway_rooms
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
+from dfvs_rooms.generator.layout import Layout
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
 from dfvs_rooms.room_types.arcade import arcade
@@ -24,7 +24,7 @@ from dfvs_rooms.room_types.passage import passage
 from dfvs_rooms.room_types.workshop import workshop
 from dfvs_rooms.surfaces.materials import kind_of
 
-PLACES: dict[str, Callable[[np.random.Generator], Place]] = {
+PLACES: dict[str, Callable[[np.random.Generator], Layout]] = {
     "kitchen": kitchen,
     "bedroom": bedroom,
     "workshop": workshop,
@@ -37,7 +37,7 @@ PLACES: dict[str, Callable[[np.random.Generator], Place]] = {
 }
 """Furnishers of the places by name."""
 
-REPETITIVE_PLACES: dict[str, Callable[[np.random.Generator], Place]] = {"arcade": arcade}
+REPETITIVE_PLACES: dict[str, Callable[[np.random.Generator], Layout]] = {"arcade": arcade}
 """Places of repeated structures, to test matches in; drawn by name alone."""
 
 LIVING_ROOM = "living-room"
@@ -68,9 +68,9 @@ def room_of_kind(kind: str, seed: int) -> Room:
 
 def _drawn_place(seed: int, kind: str) -> Room:
     shape, looks = np.random.default_rng([seed, 5]).spawn(2)
-    place = (PLACES | REPETITIVE_PLACES)[kind](shape)
-    parts = joined(place.layout.parts)
+    layout = (PLACES | REPETITIVE_PLACES)[kind](shape)
+    parts = joined(layout.parts)
     names = {part.material for part in parts}
     walls = frozenset(name for name in names if kind_of(name) in WALLS)
     materials = natural_materials(names, looks)
-    return Room(tuple(parts), materials, walls, place.openings, place.sky)
+    return Room(tuple(parts), materials, walls, tuple(layout.openings), layout.sky)

@@ -3,19 +3,19 @@
 import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell, tools
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.solids import Part, box, corners, placed
 
 
-def workshop(rng: np.random.Generator) -> Place:
+def workshop(rng: np.random.Generator) -> Layout:
     """Furnish a workshop."""
     layout = shell.drawn_layout(rng, (6.0, 7.6), (4.8, 5.8), (2.9, 3.3))
     walls = ("bricks", "blockwork", "bricks", "wall0")
     shell.build_shell(layout, Finish("concrete", walls, skirting=""))
-    openings = shell.add_windows(layout, WEST, (-1.2, 1.0), 1.9, (1.6, 1.1), panes=4)
+    shell.add_windows(layout, WEST, (-1.2, 1.0), 1.9, (1.6, 1.1), panes=4)
     _benches(layout, rng)
     layout.stand(Piece.standing(props.door(1.1, 2.1, "sage", "metal")), SOUTH, 1.9)
     layout.stand(Piece.standing(tools.leaning_boards(rng, 8)), SOUTH, -0.2)
@@ -30,7 +30,7 @@ def workshop(rng: np.random.Generator) -> Place:
         size = (0.42, 0.58) if name.startswith("poster") else (0.8, 0.6)
         layout.on_wall(shell.framed(name, size, "oak" if k else "black"), (1.5, 1.9))
     shell.hang_lamps(layout, (3, 2), 0.6, shade="sage")
-    return Place(layout, openings)
+    return layout
 
 
 def _benches(layout: Layout, rng: np.random.Generator) -> None:
