@@ -8,7 +8,7 @@ import numpy as np
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.interior import window
-from dfvs_rooms.generator.layout import Layout, Piece
+from dfvs_rooms.generator.layout import Layout, Piece, evenly
 from dfvs_rooms.generator.solids import Part, box, lathe, panel, placed, sphere, tube
 
 NORTH, EAST, SOUTH, WEST = range(4)
@@ -122,12 +122,8 @@ def add_curtains(
 def hang_row(layout: Layout, k: int, draws: Sequence[Piece], height_m: float) -> None:
     """Hang pieces side by side along wall k, as far as there is room."""
     wall = layout.walls[k]
-    for s, piece in zip(_evenly(wall.length_m, len(draws)), draws, strict=True):
+    for s, piece in zip(evenly(wall.length_m, len(draws)), draws, strict=True):
         layout.hang(piece, k, s, height_m)
-
-
-def _evenly(length_m: float, count: int) -> list[float]:
-    return [length_m * ((j + 0.5) / count - 0.5) for j in range(count)]
 
 
 def scatter(
@@ -140,11 +136,8 @@ def scatter(
 
 def hang_lamps(layout: Layout, grid: tuple[int, int], drop_m: float, shade: str = "") -> None:
     """Hang lamps under the ceiling on a grid, with shades of enamel or opal globes."""
-    columns, rows = grid
-    for x in _evenly(2 * float(layout.half[0]), columns):
-        for y in _evenly(2 * float(layout.half[1]), rows):
-            lamp = enamel_lamp(drop_m, shade) if shade else props.pendant_lamp(drop_m, 0.14)
-            layout.parts += placed(lamp, x, y, layout.height_m)
+    lamp = enamel_lamp(drop_m, shade) if shade else props.pendant_lamp(drop_m, 0.14)
+    layout.hang_lamps(lamp, *grid)
 
 
 def enamel_lamp(drop_m: float, enamel: str) -> list[Part]:

@@ -146,7 +146,7 @@ def furnished(kind: Kind, rng: np.random.Generator) -> Layout:
     for _ in range(round(rng.uniform(0.15, 0.6) * perimeter)):
         draw = pieces.artwork if rng.random() < 0.65 else pieces.wall_thing
         layout.on_wall(draw(rng), (1.15, 1.9))
-    layout.parts += _ceiling_lamps(size, rng)
+    _hang_lamps(layout, rng)
     return layout
 
 
@@ -227,14 +227,8 @@ def _maybe_rug(layout: Layout, rng: np.random.Generator) -> None:
     layout.parts += placed(parts, *(float(v) for v in rng.uniform(-0.4, 0.4, 2)))
 
 
-def _ceiling_lamps(size: tuple[float, ...], rng: np.random.Generator) -> list[Part]:
-    """Globes under the ceiling on a regular grid, about one for every nine square metres."""
-    columns, rows = (max(1, round(side / _M2_PER_LAMP**0.5)) for side in size[:2])
-    drop = float(rng.uniform(0.25, 0.7))
-    radius = float(rng.uniform(0.1, 0.2))
-    parts: list[Part] = []
-    for i in range(columns):
-        for j in range(rows):
-            x, y = ((i + 0.5) / columns - 0.5) * size[0], ((j + 0.5) / rows - 0.5) * size[1]
-            parts += placed(props.pendant_lamp(drop, radius), x, y, size[2])
-    return parts
+def _hang_lamps(layout: Layout, rng: np.random.Generator) -> None:
+    """Hang globes on a regular grid, about one for every nine square metres."""
+    columns, rows = (max(1, round(2 * float(half) / _M2_PER_LAMP**0.5)) for half in layout.half)
+    drop, radius = float(rng.uniform(0.25, 0.7)), float(rng.uniform(0.1, 0.2))
+    layout.hang_lamps(props.pendant_lamp(drop, radius), columns, rows)

@@ -192,6 +192,12 @@ class Layout:
         size = (float(c * width + s * depth), float(s * width + c * depth))
         return self._put(piece, (x, y), size, turn_deg)
 
+    def hang_lamps(self, lamp: Sequence[Part], columns: int, rows: int) -> None:
+        """Hang copies of a lamp, its top at the origin, under the ceiling on a grid."""
+        for x in evenly(2 * float(self.half[0]), columns):
+            for y in evenly(2 * float(self.half[1]), rows):
+                self.parts += placed(lamp, x, y, self.height_m)
+
     def _put(
         self, piece: Piece, place: tuple[float, float], size: tuple[float, float], turn_deg: float
     ) -> bool:
@@ -201,6 +207,11 @@ class Layout:
         self._floor.append(footprint)
         self.parts += placed(piece.parts, *place, 0.0, turn_deg)
         return True
+
+
+def evenly(length_m: float, count: int) -> list[float]:
+    """Middles of equal stretches of a length, about its middle."""
+    return [length_m * ((j + 0.5) / count - 0.5) for j in range(count)]
 
 
 def _around(x: float, y: float, size: tuple[float, float]) -> _Area:
