@@ -19,8 +19,7 @@ from dfvs_models.evaluation import LEVELS
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
 from dfvs_rooms.generator.splits import BENCHMARK_SEEDS, require_training
 from dfvs_rooms.lighting.bake import light_room
-from dfvs_rooms.pairs.drawing import PairSampler
-from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.evaluation import PairSampler, evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer

@@ -9,8 +9,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.geometry.poses import invert_pose, so3_log
 from dfvs_models.evaluation import LEVELS
 from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
-from dfvs_rooms.pairs.drawing import PairSampler, ViewPair
-from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.evaluation import PairSampler, ViewPair, evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene import builtin_room_path

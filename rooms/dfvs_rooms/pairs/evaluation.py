@@ -1,19 +1,32 @@
-"""Drawing pairs of views in a room: places, looks, motions, and the flow between them."""
+"""Pairs of views to evaluate on: places, looks and motions in a room, the flow, and their file.
 
+``dfvs_models.evaluation_file`` tells what is in the file.
+"""
+
+import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_models.evaluation import LEVELS
 from dfvs_models.evaluation_file import EVALUATION_CAMERA
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import exact_flow, visibility
+from dfvs_sim.scene.frames import gltf_pose_from_ned
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
 from dfvs_sim.viewpoints.poses import camera_pose
 from dfvs_sim.viewpoints.sampling import floor_of
+
+Arrays = dict[str, NDArray[Any]]
 
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
 _HIGHEST_M = 4.5
@@ -128,3 +141,32 @@ def _moved(T_world_a: FloatArray, level: str, rng: np.random.Generator) -> Float
     way = rng.normal(size=3)
     place = T_world_a[:3, 3] + distance_m * way / np.linalg.norm(way)
     return make_pose(T_world_a[:3, :3] @ so3_exp(turn_rad), place)
+
+
+def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Arrays:
+    """Arrays of an evaluation file of pairs and their levels; flow is 0 where it means nothing."""
+    limit = np.finfo(np.float16).max
+    flow = np.stack([pair.flow for pair in pairs])
+    return {
+        "IA": np.stack([pair.views[0].image for pair in pairs]),
+        "IB": np.stack([pair.views[1].image for pair in pairs]),
+        "flow": np.clip(np.nan_to_num(flow, nan=0.0), -limit, limit).astype(np.float16),
+        "vis": np.stack([pair.visible for pair in pairs]),
+        "depth": np.stack([pair.views[0].depth_m for pair in pairs]).astype(np.float16),
+        "TA": np.stack([gltf_pose_from_ned(pair.poses[0]) for pair in pairs]),
+        "TB": np.stack([gltf_pose_from_ned(pair.poses[1]) for pair in pairs]),
+        "level": np.array([LEVELS.index(level) for level in levels], np.int64),
+    }
+
+
+def write_arrays(path: Path, arrays: Arrays) -> None:
+    """Write an ``.npz`` and put it in place whole, so that a reader never sees half of it.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+    replace_file(path, file.getvalue())
