@@ -4,17 +4,71 @@ As in ``interior_materials.py``, a material's name without its number is its kin
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array
-from dfvs_rooms.fittings.palette import PALETTES, Palette
 from dfvs_rooms.generator.interior_materials import FULL_SIZE, RECIPES
 from dfvs_rooms.surfaces import artwork, finishes, patterns, prints, textures
 from dfvs_rooms.surfaces.finishes import Bond
 from dfvs_rooms.surfaces.materials import Drawn, Material, drawn_materials
-from dfvs_rooms.surfaces.textures import WALNUT, Colour, brightened
+from dfvs_rooms.surfaces.textures import OAK, WALNUT, Colour, brightened
+
+BIRCH: tuple[Colour, ...] = ((0.87, 0.75, 0.57), (0.81, 0.67, 0.48), (0.70, 0.55, 0.37))
+CHERRY: tuple[Colour, ...] = ((0.64, 0.38, 0.24), (0.55, 0.30, 0.18), (0.42, 0.21, 0.12))
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """Colours of one place.
+
+    Parameters
+    ----------
+    walls : tuple of Colour
+        Wall paints.
+    wood : tuple of Colour
+        From the light to the dark of the wood that most furniture is of.
+    front : Colour
+        Painted doors and furniture.
+    cloth, accent : Colour
+        Upholstery; cushions, patterns, things to be noticed.
+    """
+
+    walls: tuple[Colour, ...]
+    wood: tuple[Colour, ...]
+    front: Colour
+    cloth: Colour
+    accent: Colour
+
+
+PALETTES = (
+    Palette(
+        ((0.90, 0.87, 0.80), (0.86, 0.82, 0.74)), OAK, (0.52, 0.60, 0.52), (0.36, 0.42, 0.46),
+        (0.74, 0.42, 0.22),
+    ),
+    Palette(
+        ((0.89, 0.89, 0.87), (0.72, 0.76, 0.78)), BIRCH, (0.24, 0.34, 0.44), (0.62, 0.60, 0.56),
+        (0.82, 0.64, 0.22),
+    ),
+    Palette(
+        ((0.91, 0.90, 0.87), (0.74, 0.78, 0.70)), WALNUT, (0.88, 0.87, 0.83), (0.44, 0.50, 0.40),
+        (0.64, 0.26, 0.20),
+    ),
+    Palette(
+        ((0.92, 0.88, 0.80), (0.84, 0.66, 0.52)), OAK, (0.76, 0.72, 0.64), (0.58, 0.34, 0.26),
+        (0.16, 0.36, 0.40),
+    ),
+    Palette(
+        ((0.90, 0.89, 0.86), (0.62, 0.66, 0.70)), CHERRY, (0.36, 0.40, 0.40), (0.24, 0.30, 0.40),
+        (0.78, 0.50, 0.40),
+    ),
+    Palette(
+        ((0.93, 0.91, 0.84), (0.88, 0.80, 0.58)), BIRCH, (0.40, 0.52, 0.56), (0.72, 0.66, 0.54),
+        (0.50, 0.22, 0.30),
+    ),
+)  # fmt: skip
 
 _Recipe: TypeAlias = Callable[[np.random.Generator, Palette], Drawn]
 
@@ -128,14 +182,6 @@ def _worktop(rng: np.random.Generator, palette: Palette) -> Drawn:
     return textures.wood(rng, palette.wood, rings=16.0), 0.9
 
 
-def _label(rng: np.random.Generator, palette: Palette) -> Drawn:
-    return prints.label(rng, _varied(rng, palette.accent, 0.5)), 1.0
-
-
-def _parquet(rng: np.random.Generator, palette: Palette) -> Drawn:
-    return finishes.herringbone(rng, palette.wood), 2.8
-
-
 def _wallpaper(rng: np.random.Generator, palette: Palette) -> Drawn:
     ground = _varied(rng, palette.walls[-1])
     motif = np.array(ground) * (0.72 if sum(ground) > 1.2 else 1.4)
@@ -168,7 +214,7 @@ _RECIPES: dict[str, _Recipe] = {
     "carpet": _carpet,
     "files": _shown(prints.files),
     "planks": _shown(textures.planks, 1.9),
-    "parquet": _parquet,
+    "parquet": lambda rng, p: (finishes.herringbone(rng, p.wood), 2.8),
     "terrazzo": lambda rng, _: (finishes.terrazzo(rng, (0.70, 0.68, 0.64)), 1.0),
     "concrete": lambda rng, _: (finishes.concrete(rng, _varied(rng, (0.60, 0.59, 0.57))), 2.2),
     "marble": lambda rng, _: (finishes.marble(rng, (0.88, 0.87, 0.85), (0.45, 0.44, 0.45)), 1.2),
@@ -216,7 +262,7 @@ _RECIPES: dict[str, _Recipe] = {
     "poster": _shown(prints.poster),
     "drawing": _shown(prints.drawing),
     "chart": _shown(artwork.contours),
-    "label": _label,
+    "label": lambda rng, p: (prints.label(rng, _varied(rng, p.accent, 0.5)), 1.0),
     "picture": _shown(artwork.painting),
 }
 

@@ -122,10 +122,6 @@ def _leaf(rng: np.random.Generator) -> Drawn:
     return textures.foliage(rng, green), 1.0
 
 
-def _artwork(rng: np.random.Generator) -> Drawn:
-    return _tinted(rng, artwork.painting(rng), 0.4), 1.0
-
-
 def _carton(rng: np.random.Generator) -> Drawn:
     """Corrugated board with a strip of tape."""
     x, _ = textures.coordinates()
@@ -164,7 +160,7 @@ RECIPES: dict[str, _Recipe] = {
     "rug": lambda rng: (_tinted(rng, patterns.rug(rng), 0.8), 1.0),
     "books": lambda rng: (_tinted(rng, artwork.book_spines(rng)), 1.0),
     "clock": lambda rng: (artwork.clock_face(rng), 1.0),
-    "picture": _artwork,
+    "picture": lambda rng: (_tinted(rng, artwork.painting(rng), 0.4), 1.0),
     "carton": _carton,
     "screen": _screen,
     "garden": lambda rng: (_tinted(rng, artwork.garden(rng)), 1.0),
