@@ -17,17 +17,15 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models.evaluation import LEVELS
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
-from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.splits import BENCHMARK_SEEDS, require_training
 from dfvs_rooms.lighting.bake import light_room
-from dfvs_rooms.pairs.drawing import PairSampler
-from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.evaluation import PairSampler, evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.mesh import Scene
 
-_ROOMS_KEPT = 40
 _MAX_PAIRS = 1_000_000
 _EPILOG = """examples:
   dfvs-rooms pairs --scene room.glb --count 45 --seed 1 --out room.npz
@@ -79,10 +77,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
-    renderers = _renderers(args)
-    written = (
-        _write_wide(args, renderers) if args.format == "wide" else _write_file(args, renderers)
-    )
+    write = _write_wide if args.format == "wide" else _write_file
+    written = write(args, _scenes(args))
     report = {"pairs": sum(written.values()), "files": [str(path) for path in written]}
     if args.json:
         print(json.dumps(report, indent=2))
@@ -91,32 +87,23 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-_Renderers = dict[str, Callable[[], Renderer]]
-"""Maker of the renderer of each room by name; a room is made when it is first asked for."""
+_Scenes = dict[str, Callable[[], Scene]]
+"""Maker of the scene of each room by name; it is made when its turn comes."""
 
 
-def _renderers(args: argparse.Namespace) -> _Renderers:
+def _scenes(args: argparse.Namespace) -> _Scenes:
     kinds = _kinds(args.kinds)
-
-    @functools.lru_cache(maxsize=_ROOMS_KEPT)
-    def of_interior(seed: int) -> Renderer:
-        return Renderer(light_room(_room(seed, kinds), seed))
-
-    @functools.lru_cache(maxsize=_ROOMS_KEPT)
-    def of_scene(path: Path) -> Renderer:
-        return Renderer(load_glb(path))
-
     if args.scene is not None:
         if args.kinds is not None:
             raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
         names = [path.stem for path in args.scene]
         if len(set(names)) < len(names):
             raise ConfigError(f"scenes are named {', '.join(names)}", "names of their own")
-        return {path.stem: functools.partial(of_scene, path) for path in args.scene}
+        return {path.stem: functools.partial(load_glb, path) for path in args.scene}
     seeds = _seeds(args.rooms)
     if args.format == "wide":
         require_training(seeds[0], seeds[-1])
-    return {str(seed): functools.partial(of_interior, seed) for seed in seeds}
+    return {str(seed): functools.partial(_lit_room, seed, kinds) for seed in seeds}
 
 
 def _kinds(words: str | None) -> tuple[str, ...]:
@@ -136,12 +123,14 @@ def _kinds(words: str | None) -> tuple[str, ...]:
     return kinds
 
 
-def _room(seed: int, kinds: tuple[str, ...]) -> Room:
-    """Room of one of the kinds; the seed decides on both."""
-    if not kinds:
-        return drawn_interior(seed)
-    drawn = int(np.random.default_rng([seed, 6]).integers(len(kinds)))
-    return room_of_kind(kinds[drawn], seed)
+def _lit_room(seed: int, kinds: tuple[str, ...]) -> Scene:
+    """Room of one of the kinds, quickly lit; the seed decides on all of it."""
+    if kinds:
+        drawn = int(np.random.default_rng([seed, 6]).integers(len(kinds)))
+        room = room_of_kind(kinds[drawn], seed)
+    else:
+        room = drawn_interior(seed)
+    return light_room(room, seed)
 
 
 def _seeds(words: str) -> range:
@@ -164,7 +153,7 @@ def _seeds(words: str) -> range:
     return range(first, last + 1)
 
 
-def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
+def _write_wide(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:
     """Write a file of wide-baseline pairs for each room; those that exist are kept.
 
     A room without any pair gets no file, and is named.
@@ -176,37 +165,37 @@ def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, i
     written: dict[Path, int] = {}
     without = []
     started = time.monotonic()
-    for k, (name, renderer) in enumerate(renderers.items()):
+    for k, (name, scene) in enumerate(scenes.items()):
         path = args.out / f"{name}.npz"
         if not path.exists():
-            sampler = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
+            sampler = WidePairSampler(Renderer(scene()), zlib.crc32(name.encode()) ^ args.seed)
             arrays = sampler.arrays(args.count)
             if len(arrays["T"]):
                 write_arrays(path, arrays)
                 written[path] = len(arrays["T"])
             else:
                 without.append(name)
-        _show_progress(k + 1, len(renderers), "rooms", started)
+        _show_progress(k + 1, len(scenes), "rooms", started)
     if without:
         log(f"no pair of views was found in {', '.join(without)}: no file was written")
     return written
 
 
-def _write_file(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
+def _write_file(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:
     """Write an evaluation file; the rooms and the levels take turns."""
     if args.out.suffix != ".npz" or not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out is {str(args.out)!r}", "an .npz file in an existing folder")
     rng = np.random.default_rng([args.seed, 4])
     levels = [LEVELS[k % len(LEVELS)] for k in range(args.count)]
     started = time.monotonic()
-    rooms = list(renderers.values())
-    artists: dict[int, PairSampler] = {}
+    rooms = list(scenes.values())
+    samplers: dict[int, PairSampler] = {}
     pairs = []
     for k, level in enumerate(levels):
         room = k // len(LEVELS) % len(rooms)
-        if room not in artists:
-            artists[room] = PairSampler(rooms[room]())
-        pairs.append(artists[room].evaluation_pair(level, rng))
+        if room not in samplers:
+            samplers[room] = PairSampler(Renderer(rooms[room]()))
+        pairs.append(samplers[room].evaluation_pair(level, rng))
         _show_progress(k + 1, args.count, "pairs", started)
     write_arrays(args.out, evaluation_arrays(pairs, levels))
     return {args.out: len(pairs)}

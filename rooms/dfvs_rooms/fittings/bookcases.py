@@ -1,15 +1,9 @@
 """Bookcases for many books: a book is eight triangles, a shelf of them one mesh."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from dfvs_core.geometry.arrays import FloatArray
-from dfvs_rooms.generator.solids import Part, box, panel, placed
-from dfvs_sim.scene.mesh import Int32Array
-
-_SPINES = 24
-_QUAD = np.array([[0, 1, 3], [0, 3, 2]], np.int32)
+from dfvs_rooms.generator.solids import Part, as_one, box, panel, placed, quad_triangles
+from dfvs_rooms.surfaces.artwork import SPINES
 
 
 def bookcase(
@@ -38,7 +32,7 @@ def bookcase(
 def row_of_books(rng: np.random.Generator, room: tuple[float, float, float], books: str) -> Part:
     """Standing books in a room of (width, depth, height), m, with a gap, as one part."""
     width, depth, height = room
-    quads: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    row: list[Part] = []
     x, gap = -width / 2, float(rng.uniform(-0.9, 0.5)) * width
     base, deep = float(rng.uniform(0.62, 0.8)), float(rng.uniform(0.66, 0.8)) * depth
     while x < width / 2 - 0.05:
@@ -46,43 +40,32 @@ def row_of_books(rng: np.random.Generator, room: tuple[float, float, float], boo
         tall = min(0.95, base + float(rng.uniform(-0.09, 0.14))) * height
         if not gap < x < gap + 0.12:
             low = (x, depth / 2 - 0.025 - deep - float(rng.uniform(0.0, 0.02)), 0.0)
-            quads += _book(low, (thick, deep, tall), int(rng.integers(_SPINES)))
+            row.append(_book(low, (thick, deep, tall), int(rng.integers(SPINES)), books))
         x += thick + 0.001
-    if not quads:
-        quads = _book((-0.02, 0.0, 0.0), (0.04, 0.1, 0.7 * height), 0)
-    return _of_quads(quads, books)
+    return as_one(row or [_book((-0.02, 0.0, 0.0), (0.04, 0.1, 0.7 * height), 0, books)])
 
 
 def _book(
-    low: Sequence[float], size: tuple[float, float, float], which: int
-) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Spine, top and both sides of a book as (corners, normal, uv)."""
+    low: tuple[float, float, float], size: tuple[float, float, float], which: int, books: str
+) -> Part:
+    """Spine, top and both sides of a book."""
     x0, y0, z0 = low
     x1, y1, z1 = x0 + size[0], y0 + size[1], z0 + size[2]
-    left, right = (which + 0.04) / _SPINES, (which + 0.96) / _SPINES
+    left, right = (which + 0.04) / SPINES, (which + 0.96) / SPINES
     spine = np.array([[left, 1.0], [right, 1.0], [left, 0.0], [right, 0.0]])
     plain = np.array([[0.0, 0.05], [1.0, 0.05], [0.0, 0.01], [1.0, 0.01]])
-    cover = plain * [0.1 / _SPINES, 1.0] + [(which + 0.45) / _SPINES, 0.0]
+    cover = plain * [0.1 / SPINES, 1.0] + [(which + 0.45) / SPINES, 0.0]
     faces = (
         ((x0, y0, z0), (x1, y0, z0), (x0, y0, z1), (x1, y0, z1)),
         ((x0, y0, z1), (x1, y0, z1), (x0, y1, z1), (x1, y1, z1)),
         ((x1, y0, z0), (x1, y1, z0), (x1, y0, z1), (x1, y1, z1)),
         ((x0, y1, z0), (x0, y0, z0), (x0, y1, z1), (x0, y0, z1)),
     )
-    normals = ((0, -1, 0), (0, 0, 1), (1, 0, 0), (-1, 0, 0))
-    return [
-        (np.array(corners), np.array(normal, dtype=np.float64), spine if k == 0 else cover)
-        for k, (corners, normal) in enumerate(zip(faces, normals, strict=True))
-    ]
-
-
-def _of_quads(quads: Sequence[tuple[FloatArray, FloatArray, FloatArray]], material: str) -> Part:
-    count = len(quads)
-    triangles: Int32Array = (_QUAD + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
+    normals = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     return Part(
-        np.concatenate([quad[0] for quad in quads]),
-        np.repeat([quad[1] for quad in quads], 4, axis=0),
-        np.concatenate([quad[2] for quad in quads]),
-        triangles.astype(np.int32),
-        material,
+        np.reshape(faces, (-1, 3)),
+        np.repeat(normals, 4, axis=0),
+        np.concatenate([spine, cover, cover, cover]),
+        quad_triangles(len(faces)),
+        books,
     )

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,19 +34,19 @@ def _handle(w: float, h: float, where: str) -> list[Part]:
     return [tube((x, -0.045, z), (x, -0.045, z + 0.13), 0.006, "brass", sides=6)]
 
 
-def base_unit(rng: np.random.Generator, paint: str) -> list[Part]:
+def base_unit(rng: np.random.Generator) -> list[Part]:
     """Cupboard under the worktop, with a door or drawers, left end at x = -0.3."""
     high = TOP_M - _SLAB_M - _PLINTH_M
-    parts = box((UNIT_M, DEEP_M - 0.05, high), (0, -DEEP_M / 2 + 0.02, _PLINTH_M), paint)
+    parts = box((UNIT_M, DEEP_M - 0.05, high), (0, -DEEP_M / 2 + 0.02, _PLINTH_M), "sage")
     parts += box((UNIT_M, DEEP_M - 0.12, _PLINTH_M), (0, -DEEP_M / 2 + 0.06, 0), "black", skip="-z")
     face_y = -DEEP_M + 0.045
     if rng.random() < 0.45:
         for z, h in ((0.0, 0.3), (0.3, 0.26), (0.56, high - 0.56)):
-            drawer = front(UNIT_M, h, paint, handle="drawer")
+            drawer = front(UNIT_M, h, "sage", handle="drawer")
             parts += placed(drawer, 0, face_y, _PLINTH_M + z)
         return parts
     side = "right" if rng.random() < 0.5 else "left"
-    return parts + placed(front(UNIT_M, high, paint, handle=side), 0, face_y, _PLINTH_M)
+    return parts + placed(front(UNIT_M, high, "sage", handle=side), 0, face_y, _PLINTH_M)
 
 
 def oven() -> list[Part]:
@@ -77,28 +78,26 @@ def sink() -> list[Part]:
     return [*parts, low, *pipes]
 
 
-def run_of_units(
-    rng: np.random.Generator, plan: Sequence[str], paint: str, worktop: str
-) -> list[Part]:
+def run_of_units(rng: np.random.Generator, plan: Sequence[str]) -> list[Part]:
     """Cupboards side by side under one worktop, centred; ``plan`` names unit, oven, sink."""
     width = UNIT_M * len(plan)
     top = (0, -DEEP_M / 2 - 0.005, TOP_M - _SLAB_M)
-    parts = box((width, DEEP_M + 0.01, _SLAB_M), top, worktop)
+    parts = box((width, DEEP_M + 0.01, _SLAB_M), top, "worktop")
     for k, what in enumerate(plan):
-        unit = oven() if what == "oven" else base_unit(rng, paint)
+        unit = oven() if what == "oven" else base_unit(rng)
         if what == "sink":
             unit += sink()
         parts += placed(unit, UNIT_M * (k + 0.5) - width / 2, 0)
     return parts
 
 
-def wall_units(rng: np.random.Generator, count: int, paint: str) -> list[Part]:
+def wall_units(rng: np.random.Generator, count: int) -> list[Part]:
     """Cupboards that hang, their middle at the origin."""
     high, deep, width = 0.72, 0.33, UNIT_M * count
-    parts = box((width, deep, high), (0, -deep / 2, -high / 2), paint)
+    parts = box((width, deep, high), (0, -deep / 2, -high / 2), "sage")
     for k in range(count):
         side = "low" if rng.random() < 0.5 else "left"
-        door = front(UNIT_M, high, paint, handle=side)
+        door = front(UNIT_M, high, "sage", handle=side)
         parts += placed(door, UNIT_M * (k + 0.5) - width / 2, -deep, -high / 2)
     return parts
 
@@ -106,9 +105,8 @@ def wall_units(rng: np.random.Generator, count: int, paint: str) -> list[Part]:
 def hood() -> list[Part]:
     """Extractor hood with its chimney, its lower edge 0.36 m below the origin."""
     slope = [(0.42, -0.36), (0.42, -0.31), (0.16, -0.12), (0.16, 0.36)]
-    shape = lathe(slope, "steel", sides=4).moved(0, 0, 0, 45)
-    vertices = shape.vertices * [1.0, 0.8, 1.0] + [0, -0.24, 0]
-    return [Part(vertices, shape.normals, shape.uv, shape.triangles, "steel", is_sheet=True)]
+    shape = lathe(slope, "steel", sides=4, is_sheet=True).moved(0, 0, 0, 45)
+    return [replace(shape, vertices=shape.vertices * [1.0, 0.8, 1.0] + [0, -0.24, 0])]
 
 
 def fridge() -> list[Part]:

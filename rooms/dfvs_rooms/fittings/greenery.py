@@ -3,9 +3,7 @@
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_rooms.generator.solids import Part, disc, lathe, tube
-
-_QUAD = np.array([[0, 1, 3], [0, 3, 2]], np.int32)
+from dfvs_rooms.generator.solids import Part, disc, lathe, quad_triangles, tube
 
 
 def leaves(
@@ -23,13 +21,12 @@ def leaves(
         places + scale * (0.5 * v * along + 0.32 * u * across)
         for u, v in ((-1, -1), (1, -1), (-1, 1), (1, 1))
     ]
-    triangles = (_QUAD + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
     uv = np.tile([[0.25, 0.9], [0.75, 0.9], [0.25, 0.1], [0.75, 0.1]], (count, 1))
     vertices = np.stack(corners, axis=1).reshape(-1, 3)
     light = outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
     normals = np.repeat(0.6 * light + 0.4 * normal, 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Part(vertices, normals, uv, triangles.astype(np.int32), material, is_sheet=True)
+    return Part(vertices, normals, uv, quad_triangles(count), material, is_sheet=True)
 
 
 def crown(

@@ -4,20 +4,73 @@ As in ``interior_materials.py``, a material's name without its number is its kin
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array
-from dfvs_rooms.fittings.palette import PALETTES, Palette
 from dfvs_rooms.generator.interior_materials import FULL_SIZE, RECIPES
 from dfvs_rooms.surfaces import artwork, finishes, patterns, prints, textures
 from dfvs_rooms.surfaces.finishes import Bond
-from dfvs_rooms.surfaces.materials import Material, drawn_materials
-from dfvs_rooms.surfaces.textures import SIZE_PX, WALNUT, Colour
+from dfvs_rooms.surfaces.materials import Drawn, Material, drawn_materials
+from dfvs_rooms.surfaces.textures import OAK, WALNUT, Colour, brightened
 
-_Drawn: TypeAlias = tuple[Float32Array, float]
-_Recipe: TypeAlias = Callable[[np.random.Generator, Palette], _Drawn]
+BIRCH: tuple[Colour, ...] = ((0.87, 0.75, 0.57), (0.81, 0.67, 0.48), (0.70, 0.55, 0.37))
+CHERRY: tuple[Colour, ...] = ((0.64, 0.38, 0.24), (0.55, 0.30, 0.18), (0.42, 0.21, 0.12))
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """Colours of one place.
+
+    Parameters
+    ----------
+    walls : tuple of Colour
+        Wall paints.
+    wood : tuple of Colour
+        From the light to the dark of the wood that most furniture is of.
+    front : Colour
+        Painted doors and furniture.
+    cloth, accent : Colour
+        Upholstery; cushions, patterns, things to be noticed.
+    """
+
+    walls: tuple[Colour, ...]
+    wood: tuple[Colour, ...]
+    front: Colour
+    cloth: Colour
+    accent: Colour
+
+
+PALETTES = (
+    Palette(
+        ((0.90, 0.87, 0.80), (0.86, 0.82, 0.74)), OAK, (0.52, 0.60, 0.52), (0.36, 0.42, 0.46),
+        (0.74, 0.42, 0.22),
+    ),
+    Palette(
+        ((0.89, 0.89, 0.87), (0.72, 0.76, 0.78)), BIRCH, (0.24, 0.34, 0.44), (0.62, 0.60, 0.56),
+        (0.82, 0.64, 0.22),
+    ),
+    Palette(
+        ((0.91, 0.90, 0.87), (0.74, 0.78, 0.70)), WALNUT, (0.88, 0.87, 0.83), (0.44, 0.50, 0.40),
+        (0.64, 0.26, 0.20),
+    ),
+    Palette(
+        ((0.92, 0.88, 0.80), (0.84, 0.66, 0.52)), OAK, (0.76, 0.72, 0.64), (0.58, 0.34, 0.26),
+        (0.16, 0.36, 0.40),
+    ),
+    Palette(
+        ((0.90, 0.89, 0.86), (0.62, 0.66, 0.70)), CHERRY, (0.36, 0.40, 0.40), (0.24, 0.30, 0.40),
+        (0.78, 0.50, 0.40),
+    ),
+    Palette(
+        ((0.93, 0.91, 0.84), (0.88, 0.80, 0.58)), BIRCH, (0.40, 0.52, 0.56), (0.72, 0.66, 0.54),
+        (0.50, 0.22, 0.30),
+    ),
+)  # fmt: skip
+
+_Recipe: TypeAlias = Callable[[np.random.Generator, Palette], Drawn]
 
 WALLS = ("wall", "bricks", "stone", "stucco", "wallpaper", "blockwork", "wainscot", "subway")
 """Kinds of materials that walls are of: their light sets the exposure."""
@@ -33,7 +86,7 @@ def natural_materials(names: Iterable[str], rng: np.random.Generator) -> dict[st
     """
     palette = PALETTES[int(rng.integers(len(PALETTES)))]
 
-    def draw(kind: str, stream: np.random.Generator) -> _Drawn:
+    def draw(kind: str, stream: np.random.Generator) -> Drawn:
         recipe = _RECIPES.get(kind)
         return recipe(stream, palette) if recipe else RECIPES[kind](stream)
 
@@ -45,7 +98,7 @@ def _varied(rng: np.random.Generator, colour: Colour, spread: float = 0.04) -> C
     return float(r), float(g), float(b)
 
 
-def _wall(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _wall(rng: np.random.Generator, palette: Palette) -> Drawn:
     colour = palette.walls[int(rng.integers(len(palette.walls)))]
     return textures.plaster(rng, _varied(rng, colour, 0.015), float(rng.uniform(0.5, 1.1))), 1.4
 
@@ -55,7 +108,7 @@ def _painted(
 ) -> _Recipe:
     """Lacquered wood or metal: smoother than ``textures.paint``."""
 
-    def draw(rng: np.random.Generator, palette: Palette) -> _Drawn:
+    def draw(rng: np.random.Generator, palette: Palette) -> Drawn:
         marks = textures.noise(rng, slope=0.5, band=(6.0, 250.0), stretch=(6.0, 1.0))
         clouds = textures.noise(rng, slope=1.6, band=(1.0, 8.0))
         light = 1.0 + 0.014 * marks + 0.014 * clouds
@@ -64,8 +117,8 @@ def _painted(
     return draw
 
 
-def _clay(colour: Colour, spread: float = 0.08) -> _Recipe:
-    return lambda rng, _: (textures.earthenware(rng, _varied(rng, colour, spread)), 0.5)
+def _clay(colour: Colour) -> _Recipe:
+    return lambda rng, _: (textures.earthenware(rng, _varied(rng, colour, 0.08)), 0.5)
 
 
 def _leaf(colour: Colour) -> _Recipe:
@@ -79,7 +132,7 @@ def _shown(draw: Callable[[np.random.Generator], Float32Array], span_m: float = 
 def _cloth(pick: Callable[[Palette], Colour]) -> _Recipe:
     """Woven cloth, less worn than ``textures.cloth``."""
 
-    def draw(rng: np.random.Generator, palette: Palette) -> _Drawn:
+    def draw(rng: np.random.Generator, palette: Palette) -> Drawn:
         colour = _varied(rng, pick(palette), 0.08)
         worn = textures.cloth(rng, colour)
         return (0.5 * worn + 0.5 * np.asarray(colour, np.float32)).astype(np.float32), 0.55
@@ -88,7 +141,7 @@ def _cloth(pick: Callable[[Palette], Colour]) -> _Recipe:
 
 
 def _printed(kinds: tuple[str, ...]) -> _Recipe:
-    def draw(rng: np.random.Generator, palette: Palette) -> _Drawn:
+    def draw(rng: np.random.Generator, palette: Palette) -> Drawn:
         kind = kinds[int(rng.integers(len(kinds)))]
         colours = (0.88, 0.85, 0.77), _varied(rng, palette.accent, 0.15)
         return patterns.pattern_cloth(rng, kind, *colours), float(rng.uniform(0.5, 0.8))
@@ -100,49 +153,36 @@ def _laid(bond: Bond, span_m: float) -> _Recipe:
     return lambda rng, _: (finishes.masonry(rng, bond), span_m)
 
 
-def _subway(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _subway(rng: np.random.Generator, palette: Palette) -> Drawn:
     white = (0.90, 0.90, 0.87), (0.95, 0.95, 0.93)
-    tones = white if rng.random() < 0.6 else (palette.front, _lighter(palette.front))
+    tones = white if rng.random() < 0.6 else (palette.front, brightened(palette.front, 1.12))
     bond = Bond(8, 4, tones, (0.66, 0.65, 0.62), joint_px=3.5, grain=0.015)
     return finishes.masonry(rng, bond), 0.66
 
 
-def _checkers(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _checkers(rng: np.random.Generator, palette: Palette) -> Drawn:
     light, dark = _varied(rng, palette.walls[0]), _varied(rng, palette.front, 0.1)
-    bond = Bond(6, 6, (light, _lighter(light)), (0.5, 0.48, 0.45), 0.0, 3.0, grain=0.02)
+    bond = Bond(6, 6, (light, brightened(light, 1.12)), (0.5, 0.48, 0.45), 0.0, 3.0, grain=0.02)
     image = finishes.masonry(rng, bond)
-    x, y = textures.coordinates((SIZE_PX, SIZE_PX))
+    x, y = textures.coordinates()
     odd = (np.floor(6 * x) + np.floor(6 * y)) % 2 > 0
     checks = np.where(odd[..., None], image, np.array(dark) / np.array(light) * image)
     return np.clip(checks, 0, 1).astype(np.float32), 2.0
 
 
-def _carpet(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _carpet(rng: np.random.Generator, palette: Palette) -> Drawn:
     dark = _varied(rng, palette.cloth, 0.06)
-    bond = Bond(4, 4, (dark, _lighter(dark)), dark, 0.0, 1.5, grain=0.10)
+    bond = Bond(4, 4, (dark, brightened(dark, 1.12)), dark, 0.0, 1.5, grain=0.10)
     return finishes.masonry(rng, bond), 2.0
 
 
-def _lighter(colour: Colour) -> Colour:
-    r, g, b = (min(1.0, 1.12 * c) for c in colour)
-    return r, g, b
-
-
-def _worktop(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _worktop(rng: np.random.Generator, palette: Palette) -> Drawn:
     if rng.random() < 0.5:
         return finishes.marble(rng, (0.90, 0.89, 0.87), (0.42, 0.42, 0.44)), 1.3
     return textures.wood(rng, palette.wood, rings=16.0), 0.9
 
 
-def _label(rng: np.random.Generator, palette: Palette) -> _Drawn:
-    return prints.label(rng, _varied(rng, palette.accent, 0.5)), 1.0
-
-
-def _parquet(rng: np.random.Generator, palette: Palette) -> _Drawn:
-    return finishes.herringbone(rng, palette.wood), 2.8
-
-
-def _wallpaper(rng: np.random.Generator, palette: Palette) -> _Drawn:
+def _wallpaper(rng: np.random.Generator, palette: Palette) -> Drawn:
     ground = _varied(rng, palette.walls[-1])
     motif = np.array(ground) * (0.72 if sum(ground) > 1.2 else 1.4)
     r, g, b = (float(c) for c in np.clip(motif, 0, 1))
@@ -174,7 +214,7 @@ _RECIPES: dict[str, _Recipe] = {
     "carpet": _carpet,
     "files": _shown(prints.files),
     "planks": _shown(textures.planks, 1.9),
-    "parquet": _parquet,
+    "parquet": lambda rng, p: (finishes.herringbone(rng, p.wood), 2.8),
     "terrazzo": lambda rng, _: (finishes.terrazzo(rng, (0.70, 0.68, 0.64)), 1.0),
     "concrete": lambda rng, _: (finishes.concrete(rng, _varied(rng, (0.60, 0.59, 0.57))), 2.2),
     "marble": lambda rng, _: (finishes.marble(rng, (0.88, 0.87, 0.85), (0.45, 0.44, 0.45)), 1.2),
@@ -222,8 +262,8 @@ _RECIPES: dict[str, _Recipe] = {
     "poster": _shown(prints.poster),
     "drawing": _shown(prints.drawing),
     "chart": _shown(artwork.contours),
-    "label": _label,
-    "picture": lambda rng, _: (artwork.painting(rng), 1.0),
+    "label": lambda rng, p: (prints.label(rng, _varied(rng, p.accent, 0.5)), 1.0),
+    "picture": _shown(artwork.painting),
 }
 
 _LARGE = FULL_SIZE | frozenset(_RECIPES) - frozenset(

@@ -1,6 +1,6 @@
 """Floors, walls, windows and lamps of the places, and where things are put by plan."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,32 +8,11 @@ import numpy as np
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.interior import window
-from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.outdoors import Sky
-from dfvs_rooms.generator.room import Opening
+from dfvs_rooms.generator.layout import Layout, Piece, evenly
 from dfvs_rooms.generator.solids import Part, box, lathe, panel, placed, sphere, tube
 
 NORTH, EAST, SOUTH, WEST = range(4)
 _SKIRTING_M = 0.016
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A furnished place, not yet painted.
-
-    Parameters
-    ----------
-    layout : Layout
-        With all parts.
-    openings : tuple of Opening
-        Windows that light it.
-    sky : Sky, optional
-        Where it has no roof.
-    """
-
-    layout: Layout
-    openings: tuple[Opening, ...] = ()
-    sky: Sky | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +87,11 @@ def add_window(
     place_m: tuple[float, float],
     size_m: tuple[float, float],
     panes: int = 2,
-) -> tuple[Opening, ...]:
+) -> None:
     """Add a window at (s, z) of wall k; nothing where something hangs already."""
     piece = Piece(tuple(window(*size_m, panes)), size_m[0] + 0.1, 0.2, size_m[1] / 2 + 0.06)
-    if not layout.hang(piece, k, *place_m):
-        return ()
-    return (Opening.on_wall(layout.walls[k], place_m, size_m),)
+    if layout.hang(piece, k, *place_m):
+        layout.let_in_light(k, place_m, size_m)
 
 
 def add_windows(  # noqa: PLR0913
@@ -123,10 +101,10 @@ def add_windows(  # noqa: PLR0913
     height_m: float,
     size_m: tuple[float, float],
     panes: int,
-) -> tuple[Opening, ...]:
+) -> None:
     """Add equal windows at places along wall k, all at one height."""
-    each = [add_window(layout, k, (s, height_m), size_m, panes) for s in places_m]
-    return tuple(opening for added in each for opening in added)
+    for s in places_m:
+        add_window(layout, k, (s, height_m), size_m, panes)
 
 
 def add_curtains(
@@ -134,9 +112,9 @@ def add_curtains(
 ) -> None:
     """Hang gathered curtains beside a window of a width, from above it to the floor."""
     top = min(place_m[1] + 1.0, layout.height_m - 0.12)
-    parts = placed(props.curtain_rail(width_m + 1.0, "brass"), 0, -0.12, top)
+    parts = placed(props.curtain_rail(width_m + 1.0), 0, -0.12, top)
     for side in (-1, 1):
-        cloth = props.curtain(rng, 0.42, top - 0.02, "drape")
+        cloth = props.curtain(rng, 0.42, top - 0.02)
         parts += placed(cloth, side * (width_m / 2 + 0.2), -0.12)
     layout.parts += on_wall(layout, k, parts, place_m[0])
 
@@ -144,12 +122,8 @@ def add_curtains(
 def hang_row(layout: Layout, k: int, draws: Sequence[Piece], height_m: float) -> None:
     """Hang pieces side by side along wall k, as far as there is room."""
     wall = layout.walls[k]
-    for s, piece in zip(_evenly(wall.length_m, len(draws)), draws, strict=True):
+    for s, piece in zip(evenly(wall.length_m, len(draws)), draws, strict=True):
         layout.hang(piece, k, s, height_m)
-
-
-def _evenly(length_m: float, count: int) -> list[float]:
-    return [length_m * ((j + 0.5) / count - 0.5) for j in range(count)]
 
 
 def scatter(
@@ -160,24 +134,10 @@ def scatter(
         layout.against_wall(draws[int(rng.integers(len(draws)))](rng))
 
 
-def hang_anywhere(
-    layout: Layout,
-    rng: np.random.Generator,
-    draw: Callable[[np.random.Generator], Piece],
-    count: int,
-) -> None:
-    """Hang drawn things at eye level."""
-    for _ in range(count):
-        layout.on_wall(draw(rng), (1.3, 1.8))
-
-
 def hang_lamps(layout: Layout, grid: tuple[int, int], drop_m: float, shade: str = "") -> None:
     """Hang lamps under the ceiling on a grid, with shades of enamel or opal globes."""
-    columns, rows = grid
-    for x in _evenly(2 * float(layout.half[0]), columns):
-        for y in _evenly(2 * float(layout.half[1]), rows):
-            lamp = enamel_lamp(drop_m, shade) if shade else props.pendant_lamp(drop_m, 0.14)
-            layout.parts += placed(lamp, x, y, layout.height_m)
+    lamp = enamel_lamp(drop_m, shade) if shade else props.pendant_lamp(drop_m, 0.14)
+    layout.hang_lamps(lamp, *grid)
 
 
 def enamel_lamp(drop_m: float, enamel: str) -> list[Part]:
@@ -199,16 +159,11 @@ def drawn_tin(
     height_m: tuple[float, float],
     labels: int,
 ) -> list[Part]:
-    """Tin or jar of a drawn size with one of some labels, turned anyhow."""
-    size = float(rng.uniform(*radius_m)), float(rng.uniform(*height_m))
-    parts = tin(*size, f"label{rng.integers(labels)}")
-    return placed(parts, 0, 0, 0, float(rng.uniform(0, 360)))
-
-
-def tin(radius_m: float, height_m: float, material: str) -> list[Part]:
-    """Tin or jar with a label all around, standing at the origin."""
-    body = lathe([(radius_m, 0.0), (radius_m, height_m)], material, sides=16)
+    """Tin or jar of a drawn size, one of some labels all around it, turned anyhow."""
+    radius, height = float(rng.uniform(*radius_m)), float(rng.uniform(*height_m))
+    body = lathe([(radius, 0.0), (radius, height)], f"label{rng.integers(labels)}", sides=16)
     turn = np.linspace(0.0, 1.0, 17)
     uv = np.stack([np.tile(turn, 2), np.repeat([1.0, 0.0], 17)], 1)
-    lid = [(radius_m, height_m), (0.97 * radius_m, height_m + 0.006), (0.003, height_m + 0.006)]
-    return [replace(body, uv=uv), lathe(lid, "steel", sides=16)]
+    lid = [(radius, height), (0.97 * radius, height + 0.006), (0.003, height + 0.006)]
+    parts = [replace(body, uv=uv), lathe(lid, "steel", sides=16)]
+    return placed(parts, 0, 0, 0, float(rng.uniform(0, 360)))

@@ -1,12 +1,11 @@
 """Tools and machines of a workshop. Hand tools hang at the origin with their backs at y = 0."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from dfvs_rooms.generator.solids import Part, box, disc, lathe, placed, sheet, tilted, tube
+from dfvs_rooms.generator.solids import Part, box, corners, disc, lathe, placed, sheet, tilted, tube
 
 
 def hammer() -> list[Part]:
@@ -103,10 +102,8 @@ def _hanging(kind: int, size: float, *, low: bool) -> tuple[Callable[[], list[Pa
 def workbench(width_m: float) -> list[Part]:
     """Heavy bench with a vice and a shelf of boards below, its back at y = 0.35."""
     parts = box((width_m, 0.7, 0.07), (0, 0, 0.83), "oak")
-    for x in (-1, 1):
-        for y in (-1, 1):
-            leg = (x * (width_m / 2 - 0.1), y * 0.26, 0)
-            parts += box((0.1, 0.1, 0.83), leg, "oak", skip="-z +z")
+    for leg in corners(width_m / 2 - 0.1, 0.26):
+        parts += box((0.1, 0.1, 0.83), (*leg, 0), "oak", skip="-z +z")
     parts += box((width_m - 0.2, 0.6, 0.025), (0, 0, 0.25), "chipboard")
     jaw = (-width_m / 2 + 0.35, -0.4, 0.72)
     parts += box((0.26, 0.06, 0.2), jaw, "red", edge_m=0.2)
@@ -133,13 +130,13 @@ def drill_press() -> list[Part]:
 def tool_cabinet() -> list[Part]:
     """Red cabinet of drawers on castors."""
     parts = box((0.72, 0.46, 0.8), (0, 0, 0.12), "red")
-    for k, h in enumerate((0.08, 0.08, 0.1, 0.1, 0.14, 0.2)):
-        z = 0.86 - sum((0.08, 0.08, 0.1, 0.1, 0.14, 0.2)[: k + 1]) - 0.01 * k
+    heights = (0.08, 0.08, 0.1, 0.1, 0.14, 0.2)
+    for k, h in enumerate(heights):
+        z = 0.86 - sum(heights[: k + 1]) - 0.01 * k
         parts += box((0.66, 0.02, h), (0, -0.24, z), "red", skip="+y", edge_m=0.2)
         parts += box((0.5, 0.015, 0.015), (0, -0.258, z + h - 0.03), "steel", edge_m=0.3)
-    for x in (-0.28, 0.28):
-        parts.append(tube((x, -0.15, 0.0), (x, -0.15, 0.12), 0.03, "black", sides=10))
-        parts.append(tube((x, 0.15, 0.0), (x, 0.15, 0.12), 0.03, "black", sides=10))
+    for castor in corners(0.28, 0.15):
+        parts.append(tube((*castor, 0.0), (*castor, 0.12), 0.03, "black", sides=10))
     return parts
 
 
@@ -175,5 +172,4 @@ def barrel(colour: str) -> list[Part]:
     r, h = 0.29, 0.88
     profile = [(r, 0.0), (r, 0.29), (r + 0.012, 0.3), (r, 0.31), (r, 0.58), (r + 0.012, 0.59)]
     profile += [(r, 0.6), (r, h), (r - 0.02, h)]
-    lid = replace(disc(r - 0.015, (0, 0, h - 0.012), colour), material=colour)
-    return [lathe(profile, colour, sides=28), lid]
+    return [lathe(profile, colour, sides=28), disc(r - 0.015, (0, 0, h - 0.012), colour)]

@@ -3,8 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.generator import interior_furniture as pieces
-from dfvs_rooms.generator.interior import Kind, furnished
-from dfvs_rooms.generator.interior_materials import interior_materials
+from dfvs_rooms.generator.interior import Kind, furnished, painted
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import Part, box, placed
 
@@ -28,11 +27,9 @@ _OFF_WALL_M = 0.002
 def doorway_rooms(seed: int) -> Room:
     """Two furnished rooms, west and east of a wall with a doorway in its middle."""
     shape, looks = np.random.default_rng([seed, 2]).spawn(2)
-    layout, openings = furnished(_KIND, shape)
-    parts = [*layout.parts, *_partition(shape)]
-    names = {part.material for part in parts}
-    walls = frozenset(name for name in names if name.startswith("wall"))
-    return Room(tuple(parts), interior_materials(names, looks), walls, openings)
+    layout = furnished(_KIND, shape)
+    layout.parts += _partition(shape)
+    return painted(layout, looks)
 
 
 def _partition(rng: np.random.Generator) -> list[Part]:

@@ -4,7 +4,6 @@ Four kinds: a ``lounge`` to live in, a ``study`` with desks and shelves, a ``cor
 ``hall`` with columns and racks.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.interior_materials import interior_materials
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening, Room
+from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import Part, box, panel, placed
 
 
@@ -115,18 +114,24 @@ def drawn_interior(seed: int, kind: str | None = None) -> Room:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(KINDS)}")
     shape, looks = np.random.default_rng([seed, 1]).spawn(2)
     drawn = str(shape.choice(list(KINDS)))
-    layout, openings = furnished(KINDS[kind or drawn], shape)
+    return painted(furnished(KINDS[kind or drawn], shape), looks)
+
+
+def painted(layout: Layout, looks: np.random.Generator) -> Room:
+    """Draw materials for the parts of an interior."""
     names = {part.material for part in layout.parts}
     walls = frozenset(name for name in names if name.startswith("wall"))
-    return Room(tuple(layout.parts), interior_materials(names, looks), walls, openings)
+    materials = interior_materials(names, looks)
+    return Room(tuple(layout.parts), materials, walls, tuple(layout.openings))
 
 
-def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Opening, ...]]:
-    """Parts of an interior, and the windows that light it."""
+def furnished(kind: Kind, rng: np.random.Generator) -> Layout:
+    """Furnish an interior of a kind."""
     size = tuple(float(rng.uniform(*r)) for r in (kind.length_m, kind.width_m, kind.height_m))
     layout = Layout((size[0], size[1], size[2]), rng)
     layout.parts += _shell(layout, rng)
-    openings = _windows(layout, rng) if rng.random() < kind.window_share else ()
+    if rng.random() < kind.window_share:
+        _add_windows(layout, rng)
     if not layout.against_wall(pieces.door(rng)):
         layout.against_wall(pieces.basket(rng))
     _maybe_rug(layout, rng)
@@ -141,13 +146,11 @@ def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Openi
     for _ in range(round(rng.uniform(0.15, 0.6) * perimeter)):
         draw = pieces.artwork if rng.random() < 0.65 else pieces.wall_thing
         layout.on_wall(draw(rng), (1.15, 1.9))
-    layout.parts += _ceiling_lamps(size, rng)
-    return layout, openings
+    _hang_lamps(layout, rng)
+    return layout
 
 
-def _one_of(
-    choices: tuple[Callable[[np.random.Generator], Piece], ...], rng: np.random.Generator
-) -> Piece:
+def _one_of(choices: tuple[pieces.Draw, ...], rng: np.random.Generator) -> Piece:
     return choices[int(rng.integers(len(choices)))](rng)
 
 
@@ -177,22 +180,20 @@ def _shell(layout: Layout, rng: np.random.Generator) -> list[Part]:
     return parts
 
 
-def _windows(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
-    """One to three windows, with curtains or without, as sources of light."""
-    openings = []
+def _add_windows(layout: Layout, rng: np.random.Generator) -> None:
+    """Hang one to three windows, with curtains or without, that let in light."""
     for _ in range(int(rng.integers(1, 4))):
         width, height = float(rng.uniform(0.7, 1.9)), float(rng.uniform(0.8, 1.4))
         parts = window(width, height, int(rng.integers(1, 4)))
         if rng.random() < 0.4:
             for side in (-1, 1):
-                cloth = props.curtain(rng, 0.3, height + 0.3, "drape")
+                cloth = props.curtain(rng, 0.3, height + 0.3)
                 parts += placed(cloth, side * (width / 2 + 0.12), -0.1, -height / 2 - 0.25)
         piece = Piece(tuple(parts), width + 0.55, 0.2, height / 2 + 0.06)
         found = layout.on_wall(piece, (1.35, 1.7))
         if found is not None:
             wall, s, z = found
-            openings.append(Opening.on_wall(layout.walls[wall], (s, z), (width, height)))
-    return tuple(openings)
+            layout.let_in_light(wall, (s, z), (width, height))
 
 
 def window(width: float, height: float, panes: int) -> list[Part]:
@@ -226,14 +227,8 @@ def _maybe_rug(layout: Layout, rng: np.random.Generator) -> None:
     layout.parts += placed(parts, *(float(v) for v in rng.uniform(-0.4, 0.4, 2)))
 
 
-def _ceiling_lamps(size: tuple[float, ...], rng: np.random.Generator) -> list[Part]:
-    """Globes under the ceiling on a regular grid, about one for every nine square metres."""
-    columns, rows = (max(1, round(side / _M2_PER_LAMP**0.5)) for side in size[:2])
-    drop = float(rng.uniform(0.25, 0.7))
-    radius = float(rng.uniform(0.1, 0.2))
-    parts: list[Part] = []
-    for i in range(columns):
-        for j in range(rows):
-            x, y = ((i + 0.5) / columns - 0.5) * size[0], ((j + 0.5) / rows - 0.5) * size[1]
-            parts += placed(props.pendant_lamp(drop, radius), x, y, size[2])
-    return parts
+def _hang_lamps(layout: Layout, rng: np.random.Generator) -> None:
+    """Hang globes on a regular grid, about one for every nine square metres."""
+    columns, rows = (max(1, round(2 * float(half) / _M2_PER_LAMP**0.5)) for half in layout.half)
+    drop, radius = float(rng.uniform(0.25, 0.7)), float(rng.uniform(0.1, 0.2))
+    layout.hang_lamps(props.pendant_lamp(drop, radius), columns, rows)

@@ -33,9 +33,9 @@ def _small_thing(rng: np.random.Generator) -> list[Part]:
     if kind == 2:
         return props.fruit_bowl(rng)
     if kind == 3:
-        return props.table_lamp("linen")
+        return props.table_lamp()
     if kind == 4:
-        return props.palm(rng, _between(rng, 0.2, 0.4), "fern", pot_radius=0.07)
+        return props.palm(rng, _between(rng, 0.2, 0.4), pot_radius=0.07)
     if kind == 5:
         size = tuple(_between(rng, 0.08, 0.28) for _ in range(3))
         turn = _between(rng, 0.0, 90.0)
@@ -57,13 +57,13 @@ def armchair(_rng: np.random.Generator) -> Piece:
 def bookcase(rng: np.random.Generator) -> Piece:
     """Open shelves full of books."""
     size = (_between(rng, 0.6, 1.4), _between(rng, 0.26, 0.36), _between(rng, 0.9, 2.3))
-    return Piece.standing(furniture.bookcase(rng, size, "walnut", "books"))
+    return Piece.standing(furniture.bookcase(rng, size))
 
 
 def sideboard(rng: np.random.Generator) -> Piece:
     """Low cupboard with things on it."""
     width, height = _between(rng, 0.8, 1.9), _between(rng, 0.55, 0.95)
-    parts = furniture.sideboard((width, _between(rng, 0.36, 0.46), height), "oak", "sage")
+    parts = furniture.sideboard((width, _between(rng, 0.36, 0.46), height))
     return Piece.standing(parts + _on_top(rng, width, height))
 
 
@@ -91,7 +91,7 @@ def desk(rng: np.random.Generator) -> Piece:
         parts += placed(_monitor(), x * width, 0.15, 0.74, _between(rng, -15, 15))
     parts += placed(box((0.42, 0.14, 0.02), (0, 0, 0), "black"), 0, -0.12, 0.74)
     parts += placed(_small_thing(rng), 0.4 * width, 0.1, 0.74)
-    parts += placed(furniture.chair("walnut", "linen"), _between(rng, -0.2, 0.2), -0.62, 0, 180)
+    parts += placed(furniture.chair("linen"), _between(rng, -0.2, 0.2), -0.62, 0, 180)
     return Piece.standing(parts)
 
 
@@ -144,13 +144,13 @@ def cartons(rng: np.random.Generator) -> Piece:
 def plant(rng: np.random.Generator) -> Piece:
     """Pot plant on the floor."""
     if rng.random() < 0.5:
-        return Piece.standing(props.palm(rng, _between(rng, 0.4, 0.7), "fern"))
-    return Piece.standing(props.rubber_tree(rng, _between(rng, 0.9, 1.4), "rubber"))
+        return Piece.standing(props.palm(rng, _between(rng, 0.4, 0.7)))
+    return Piece.standing(props.rubber_tree(rng, _between(rng, 0.9, 1.4)))
 
 
 def standing_lamp(rng: np.random.Generator) -> Piece:
     """Floor lamp, lit."""
-    return Piece.standing(props.floor_lamp(_between(rng, 1.4, 1.75), "linen"))
+    return Piece.standing(props.floor_lamp(_between(rng, 1.4, 1.75)))
 
 
 def basket(rng: np.random.Generator) -> Piece:
@@ -161,7 +161,7 @@ def basket(rng: np.random.Generator) -> Piece:
 def seat(rng: np.random.Generator) -> Piece:
     """Chair or footstool."""
     if rng.random() < 0.5:
-        return Piece.standing(furniture.chair("walnut", "linen"))
+        return Piece.standing(furniture.chair("linen"))
     return Piece.standing(furniture.pouf("print"))
 
 
@@ -179,7 +179,7 @@ def dining_table(rng: np.random.Generator) -> Piece:
         for side in (0.0, 180.0):
             y = 0.62 if side == 0.0 else -0.62
             turn = side + _between(rng, -12, 12)
-            parts += placed(furniture.chair("walnut", "linen"), float(x), y, 0, turn)
+            parts += placed(furniture.chair("linen"), float(x), y, 0, turn)
     return Piece.standing(parts)
 
 
@@ -232,9 +232,9 @@ def wall_thing(rng: np.random.Generator) -> Piece:
     """Shelf, clock, switch, radiator-like grille or board on the wall."""
     kind = int(rng.integers(4))
     if kind == 0:
-        return Piece.hanging(props.wall_shelf(rng, _between(rng, 0.6, 1.2), "oak", "books"))
+        return Piece.hanging(props.wall_shelf(rng, _between(rng, 0.6, 1.2)))
     if kind == 1:
-        return Piece.hanging(props.clock(_between(rng, 0.12, 0.22), "clock", "brass"))
+        return Piece.hanging(props.clock(_between(rng, 0.12, 0.22), "brass"))
     if kind == 2:
         return Piece.hanging(box((0.09, 0.012, 0.09), (0, -0.006, -0.045), "white", skip="+y"))
     width, height = _between(rng, 0.5, 1.4), _between(rng, 0.4, 0.9)
@@ -243,5 +243,5 @@ def wall_thing(rng: np.random.Generator) -> Piece:
 
 def radiator(rng: np.random.Generator) -> Piece:
     """Ribbed radiator on feet."""
-    parts = props.radiator(_between(rng, 0.6, 1.6), _between(rng, 0.4, 0.7), "white")
+    parts = props.radiator(_between(rng, 0.6, 1.6), _between(rng, 0.4, 0.7))
     return Piece.standing(parts)

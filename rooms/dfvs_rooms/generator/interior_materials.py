@@ -12,11 +12,10 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_rooms.surfaces import artwork, patterns, textures
-from dfvs_rooms.surfaces.materials import Material, drawn_materials
+from dfvs_rooms.surfaces.materials import Drawn, Material, drawn_materials
 from dfvs_rooms.surfaces.textures import SIZE_PX, Colour
 
-_Drawn: TypeAlias = tuple[Float32Array, float]
-"""An image and the metres that it spans."""
+_Recipe: TypeAlias = Callable[[np.random.Generator], Drawn]
 
 FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "screen"))
 
@@ -42,10 +41,10 @@ def drawn_colour(
 
 def tiles(rng: np.random.Generator, colours: tuple[Colour, Colour], count: int) -> Float32Array:
     """Square tiles, count x count to the image, of two alternating colours, with joints."""
-    x, y = textures.coordinates((SIZE_PX, SIZE_PX))
+    x, y = textures.coordinates()
     column, row = np.floor(x * count).astype(int), np.floor(y * count).astype(int)
     dark = ((column + row) % 2).astype(np.float32)
-    image = textures.blend(np.full((SIZE_PX, SIZE_PX, 3), colours[0], np.float32), colours[1], dark)
+    image = textures.blend(colours[0], colours[1], dark)
     tone = rng.normal(1.0, 0.04, (count, count))[row, column]
     inside = np.minimum(np.minimum(x * count % 1, 1 - x * count % 1), y * count % 1)
     inside = np.minimum(inside, 1 - y * count % 1)
@@ -60,7 +59,7 @@ def _tinted(rng: np.random.Generator, image: Float32Array, strength: float = 0.3
     return np.asarray(np.clip(image * gain, 0.0, 1.0), np.float32)
 
 
-def _wall(rng: np.random.Generator) -> _Drawn:
+def _wall(rng: np.random.Generator) -> Drawn:
     kind = rng.choice(6, p=[0.56, 0.14, 0.10, 0.07, 0.06, 0.07])
     colour = drawn_colour(rng, (0.35, 0.95), (0.0, 0.3))
     if kind == 0:
@@ -77,7 +76,7 @@ def _wall(rng: np.random.Generator) -> _Drawn:
     return tiles(rng, (colour, colour), int(rng.integers(4, 9))), 1.2
 
 
-def _floor(rng: np.random.Generator) -> _Drawn:
+def _floor(rng: np.random.Generator) -> Drawn:
     kind = rng.choice(4, p=[0.4, 0.25, 0.2, 0.15])
     colour = drawn_colour(rng, (0.25, 0.8), (0.0, 0.3))
     if kind == 0:
@@ -90,60 +89,48 @@ def _floor(rng: np.random.Generator) -> _Drawn:
     return textures.plaster(rng, colour, contrast=float(rng.uniform(0.3, 1.5))), 1.6
 
 
-def _ceiling(rng: np.random.Generator) -> _Drawn:
+def _ceiling(rng: np.random.Generator) -> Drawn:
     colour = drawn_colour(rng, (0.8, 0.96), (0.0, 0.06))
     return textures.plaster(rng, colour, contrast=float(rng.uniform(0.0, 0.6))), 1.5
 
 
-def _wood(rng: np.random.Generator) -> _Drawn:
+def _wood(rng: np.random.Generator) -> Drawn:
     colours = textures.OAK if rng.random() < 0.5 else textures.WALNUT
     return _tinted(rng, textures.wood(rng, colours), 0.6), float(rng.uniform(0.7, 1.1))
 
 
-def _paint(rng: np.random.Generator) -> _Drawn:
-    return textures.paint(rng, drawn_colour(rng, (0.15, 0.92), (0.0, 0.5))), 0.6
+def _painted(value: tuple[float, float], saturation: tuple[float, float]) -> _Recipe:
+    return lambda rng: (textures.paint(rng, drawn_colour(rng, value, saturation)), 0.6)
 
 
-def _white(rng: np.random.Generator) -> _Drawn:
-    return textures.paint(rng, drawn_colour(rng, (0.8, 0.95), (0.0, 0.05))), 0.6
-
-
-def _dark(rng: np.random.Generator) -> _Drawn:
-    return textures.paint(rng, drawn_colour(rng, (0.06, 0.2), (0.0, 0.2))), 0.6
-
-
-def _cloth(rng: np.random.Generator) -> _Drawn:
+def _cloth(rng: np.random.Generator) -> Drawn:
     return textures.cloth(rng, drawn_colour(rng, (0.2, 0.85), (0.0, 0.6))), 0.55
 
 
-def _print(rng: np.random.Generator) -> _Drawn:
+def _print(rng: np.random.Generator) -> Drawn:
     kind = str(rng.choice(["chevron", "dots", "stripes", "ikat"]))
     first, second = (drawn_colour(rng, (0.15, 0.95), (0.05, 0.8)) for _ in range(2))
     return patterns.pattern_cloth(rng, kind, first, second), float(rng.uniform(0.45, 1.0))
 
 
-def _clay(rng: np.random.Generator) -> _Drawn:
+def _clay(rng: np.random.Generator) -> Drawn:
     return textures.earthenware(rng, drawn_colour(rng, (0.25, 0.9), (0.2, 0.8))), 0.5
 
 
-def _leaf(rng: np.random.Generator) -> _Drawn:
+def _leaf(rng: np.random.Generator) -> Drawn:
     green = (0.12 + 0.2 * rng.random(), 0.32 + 0.25 * rng.random(), 0.1 + 0.15 * rng.random())
     return textures.foliage(rng, green), 1.0
 
 
-def _artwork(rng: np.random.Generator) -> _Drawn:
-    return _tinted(rng, artwork.painting(rng), 0.4), 1.0
-
-
-def _carton(rng: np.random.Generator) -> _Drawn:
+def _carton(rng: np.random.Generator) -> Drawn:
     """Corrugated board with a strip of tape."""
-    x, _ = textures.coordinates((SIZE_PX, SIZE_PX))
+    x, _ = textures.coordinates()
     image = textures.earthenware(rng, (0.68, 0.52, 0.34))
     tape = textures.smoothstep(0.06, 0.05, np.abs(x - 0.5))
     return textures.blend(image, (0.80, 0.70, 0.50), 0.8 * tape), 0.5
 
 
-def _screen(rng: np.random.Generator) -> _Drawn:
+def _screen(rng: np.random.Generator) -> Drawn:
     """What a monitor shows: lines of text in a few windows."""
     x, y = textures.coordinates((SIZE_PX // 2, SIZE_PX))
     image = np.full((*x.shape, 3), drawn_colour(rng, (0.1, 0.3), (0.1, 0.6)), np.float32)
@@ -157,18 +144,14 @@ def _screen(rng: np.random.Generator) -> _Drawn:
     return image, 1.0
 
 
-def _globe(_rng: np.random.Generator) -> _Drawn:
-    return np.ones((8, 8, 3), np.float32), 1.0
-
-
-RECIPES: dict[str, Callable[[np.random.Generator], _Drawn]] = {
+RECIPES: dict[str, _Recipe] = {
     "wall": _wall,
     "floor": _floor,
     "ceiling": _ceiling,
     **dict.fromkeys(("oak", "walnut"), _wood),
-    **dict.fromkeys(("sage", "brass", "metal"), _paint),
-    "white": _white,
-    "black": _dark,
+    **dict.fromkeys(("sage", "brass", "metal"), _painted((0.15, 0.92), (0.0, 0.5))),
+    "white": _painted((0.8, 0.95), (0.0, 0.05)),
+    "black": _painted((0.06, 0.2), (0.0, 0.2)),
     **dict.fromkeys(("sofa", "armchair", "linen"), _cloth),
     **dict.fromkeys(("ikat", "print", "drape", "kilim"), _print),
     **dict.fromkeys(("clay", "glaze", "earth", "orange", "apple"), _clay),
@@ -177,9 +160,9 @@ RECIPES: dict[str, Callable[[np.random.Generator], _Drawn]] = {
     "rug": lambda rng: (_tinted(rng, patterns.rug(rng), 0.8), 1.0),
     "books": lambda rng: (_tinted(rng, artwork.book_spines(rng)), 1.0),
     "clock": lambda rng: (artwork.clock_face(rng), 1.0),
-    "picture": _artwork,
+    "picture": lambda rng: (_tinted(rng, artwork.painting(rng), 0.4), 1.0),
     "carton": _carton,
     "screen": _screen,
     "garden": lambda rng: (_tinted(rng, artwork.garden(rng)), 1.0),
-    "globe": _globe,
+    "globe": lambda _: (np.ones((8, 8, 3), np.float32), 1.0),
 }

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
+from dfvs_rooms.generator.room import Opening, Sky
 from dfvs_rooms.generator.solids import Part, placed
 
 _TRIES = 12
 _GAP_M, _OFF_WALL_M = 0.04, 0.002
+_Area: TypeAlias = tuple[float, float, float, float]
+"""Rectangle (left, low, right, high), m."""
+_OPENING_BEFORE_WALL_M, _PANE_BEFORE_WALL_M = 0.07, 0.002
+"""Skylight of a window on a wall shines from before its frame; its pane is behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +62,11 @@ class Wall:
     distance_m: float
     turn_deg: float
 
+    def point(self, s: float, out: float) -> tuple[float, float]:
+        """Place (x, y) of a point s along the wall and ``out`` from the room's middle."""
+        c, n = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
+        return float(c * s - n * out), float(n * s + c * out)
+
 
 class Layout:
     """A room while it is being furnished.
@@ -66,6 +77,15 @@ class Layout:
         Length (east-west), width (north-south) and height, m.
     rng : numpy.random.Generator
         Draws the places.
+
+    Attributes
+    ----------
+    parts : list of Part
+        All that is in it.
+    openings : list of Opening
+        Windows that light it.
+    sky : Sky, optional
+        Where it has no roof.
     """
 
     def __init__(self, size_m: tuple[float, float, float], rng: np.random.Generator) -> None:
@@ -78,9 +98,11 @@ class Layout:
             Wall(width, length / 2, 90.0),
         )
         self.parts: list[Part] = []
+        self.openings: list[Opening] = []
+        self.sky: Sky | None = None
         self._rng = rng
-        self._floor: list[tuple[float, float, float, float]] = []
-        self._on_walls: list[list[tuple[float, float, float, float]]] = [[], [], [], []]
+        self._floor: list[_Area] = []
+        self._on_walls: list[list[_Area]] = [[], [], [], []]
 
     def against_wall(self, piece: Piece) -> bool:
         """Stand a piece with its back against a wall; False if no place was found."""
@@ -99,7 +121,7 @@ class Layout:
         wall = self.walls[k]
         area = (s - piece.width_m / 2, 0.0, s + piece.width_m / 2, piece.height_m)
         out = wall.distance_m - piece.depth_m / 2 - _OFF_WALL_M
-        x, y = _turned(s, out, wall.turn_deg)
+        x, y = wall.point(s, out)
         size = (piece.width_m, piece.depth_m)
         footprint = _around(x, y, size if k % 2 == 0 else size[::-1])
         if _beyond(area, wall) or _meets(area, self._on_walls[k]) or _meets(footprint, self._floor):
@@ -136,23 +158,32 @@ class Layout:
         if _beyond(area, wall) or _meets(area, self._on_walls[k]):
             return False
         self._on_walls[k].append(area)
-        x, y = _turned(s, wall.distance_m, wall.turn_deg)
+        x, y = wall.point(s, wall.distance_m)
         self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
         return True
 
-    def in_the_middle(self, piece: Piece, *, turned: bool = True) -> tuple[float, float] | None:
-        """Stand a piece anywhere on the floor, turned anyhow; returns where."""
+    def let_in_light(
+        self, k: int, place_m: tuple[float, float], size_m: tuple[float, float]
+    ) -> None:
+        """Let skylight in from a window on wall k, at place (along the wall, height), m."""
+        wall = self.walls[k]
+        x, y = wall.point(place_m[0], wall.distance_m - _OPENING_BEFORE_WALL_M)
+        before_pane_m = _OPENING_BEFORE_WALL_M - _PANE_BEFORE_WALL_M
+        self.openings.append(Opening((x, y, place_m[1]), wall.turn_deg, size_m, before_pane_m))
+
+    def in_the_middle(self, piece: Piece, *, turned: bool = True) -> bool:
+        """Stand a piece anywhere on the floor, turned anyhow; False if no place was found."""
         angle = float(self._rng.uniform(0.0, 360.0)) if turned else 0.0
         reach = float(np.hypot(piece.width_m, piece.depth_m)) if turned else 0.0
         size = (reach, reach) if turned else (piece.width_m, piece.depth_m)
         limit = self.half - np.array(size) / 2 - _GAP_M
         if (limit < 0).any():
-            return None
+            return False
         for _ in range(_TRIES):
             x, y = (float(v) for v in self._rng.uniform(-limit, limit))
             if self._put(piece, (x, y), size, angle):
-                return x, y
-        return None
+                return True
+        return False
 
     def set_down(self, piece: Piece, x: float, y: float, turn_deg: float = 0.0) -> bool:
         """Stand a piece with its middle at (x, y), turned; False where that is taken."""
@@ -160,6 +191,12 @@ class Layout:
         width, depth = piece.width_m, piece.depth_m
         size = (float(c * width + s * depth), float(s * width + c * depth))
         return self._put(piece, (x, y), size, turn_deg)
+
+    def hang_lamps(self, lamp: Sequence[Part], columns: int, rows: int) -> None:
+        """Hang copies of a lamp, its top at the origin, under the ceiling on a grid."""
+        for x in evenly(2 * float(self.half[0]), columns):
+            for y in evenly(2 * float(self.half[1]), rows):
+                self.parts += placed(lamp, x, y, self.height_m)
 
     def _put(
         self, piece: Piece, place: tuple[float, float], size: tuple[float, float], turn_deg: float
@@ -172,25 +209,22 @@ class Layout:
         return True
 
 
-def _turned(s: float, out: float, turn_deg: float) -> tuple[float, float]:
-    """Place (x, y) of a point s along a wall and ``out`` from the room's middle."""
-    c, n = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    return float(c * s - n * out), float(n * s + c * out)
+def evenly(length_m: float, count: int) -> list[float]:
+    """Middles of equal stretches of a length, about its middle."""
+    return [length_m * ((j + 0.5) / count - 0.5) for j in range(count)]
 
 
-def _around(x: float, y: float, size: tuple[float, float]) -> tuple[float, float, float, float]:
+def _around(x: float, y: float, size: tuple[float, float]) -> _Area:
     return x - size[0] / 2, y - size[1] / 2, x + size[0] / 2, y + size[1] / 2
 
 
-def _beyond(area: tuple[float, float, float, float], wall: Wall) -> bool:
-    """Tell whether a rectangle (left, low, right, high) reaches past a wall's ends."""
+def _beyond(area: _Area, wall: Wall) -> bool:
+    """Tell whether an area reaches past a wall's ends."""
     return max(-area[0], area[2]) > wall.length_m / 2
 
 
-def _meets(
-    area: tuple[float, float, float, float], taken: list[tuple[float, float, float, float]]
-) -> bool:
-    """Tell whether a rectangle (left, low, right, high) overlaps one of those taken."""
+def _meets(area: _Area, taken: list[_Area]) -> bool:
+    """Tell whether an area overlaps one of those taken."""
     return any(
         area[0] < t[2] and t[0] < area[2] and area[1] < t[3] and t[1] < area[3] for t in taken
     )

@@ -46,26 +46,26 @@ def framed_artwork(width: float, height: float, artwork: str, frame: str) -> lis
     return parts
 
 
-def wall_shelf(rng: np.random.Generator, width: float, wood: str, books: str) -> list[Part]:
+def wall_shelf(rng: np.random.Generator, width: float) -> list[Part]:
     """Board on two brackets with books and a vase, its top at the origin."""
-    parts = box((width, 0.22, 0.025), (0, -0.11, -0.025), wood, edge_m=0.08)
+    parts = box((width, 0.22, 0.025), (0, -0.11, -0.025), "oak", edge_m=0.08)
     for x in (-width / 2 + 0.12, width / 2 - 0.12):
         parts += box((0.02, 0.17, 0.10), (x, -0.085, -0.125), "black", skip="+y +z")
-    row = book_row(rng, width * 0.6, 0.30, 0.22, books)
+    row = book_row(rng, width * 0.6, 0.30, 0.22)
     parts += placed(row, -width * 0.17, -0.11)
     return [*parts, *placed([vase(0.22, "glaze")], width * 0.33, -0.11)]
 
 
-def clock(radius: float, face: str, rim: str) -> list[Part]:
+def clock(radius: float, rim: str) -> list[Part]:
     """Round wall clock."""
-    flat = disc(radius, (0, 0, 0), face, sides=32)
+    flat = disc(radius, (0, 0, 0), "clock", sides=32)
     uv = 0.5 + 0.5 * flat.vertices[:, :2] / radius * [1, -1]
     dial = tilted(replace(flat, uv=uv), (1, 0, 0), 90)
     ring = lathe([(radius, -0.03), (radius + 0.012, 0.0), (radius, 0.012)], rim, sides=32)
     return placed([dial, tilted(ring, (1, 0, 0), 90)], 0, -0.03, 0)
 
 
-def curtain(rng: np.random.Generator, width: float, height: float, cloth: str) -> list[Part]:
+def curtain(rng: np.random.Generator, width: float, height: float) -> list[Part]:
     """Gathered curtain that hangs from z = height to just above the floor."""
     rows, columns = int(height / 0.16), int(width / 0.022)
     s = np.linspace(0.0, 1.0, columns + 1)[None, :]
@@ -78,29 +78,29 @@ def curtain(rng: np.random.Generator, width: float, height: float, cloth: str) -
     points = np.stack([x, y, np.broadcast_to(z, x.shape)], -1)
     u = np.broadcast_to(s * width * 1.9, x.shape)
     uv = np.stack([u, np.broadcast_to(-z, x.shape)], -1)
-    return [sheet(points, uv, cloth)]
+    return [sheet(points, uv, "drape")]
 
 
-def curtain_rail(width: float, metal: str) -> list[Part]:
+def curtain_rail(width: float) -> list[Part]:
     """Rail with knobs at its ends, centred at the origin."""
-    parts = [tube((-width / 2, 0, 0), (width / 2, 0, 0), 0.014, metal, sides=8)]
-    parts += [sphere(0.03, (side * width / 2, 0, 0), metal, sides=12) for side in (-1, 1)]
+    parts = [tube((-width / 2, 0, 0), (width / 2, 0, 0), 0.014, "brass", sides=8)]
+    parts += [sphere(0.03, (side * width / 2, 0, 0), "brass", sides=12) for side in (-1, 1)]
     for x in (-width / 2 + 0.15, width / 2 - 0.15):
-        parts.append(tube((x, 0, 0), (x, 0.10, 0), 0.01, metal, sides=6))
+        parts.append(tube((x, 0, 0), (x, 0.10, 0), 0.01, "brass", sides=6))
     return parts
 
 
-def radiator(width: float, height: float, metal: str) -> list[Part]:
+def radiator(width: float, height: float) -> list[Part]:
     """Ribbed radiator on feet, its back 5 cm from the wall."""
     parts: list[Part] = []
     count = int(width / 0.06)
     for k in range(count):
         x = -width / 2 + width * (k + 0.5) / count
-        parts += cushion((0.05, 0.10, height), (x, -0.10, 0.10), metal, power=6, edge_m=0.16)
+        parts += cushion((0.05, 0.10, height), (x, -0.10, 0.10), "white", power=6, edge_m=0.16)
     for z in (0.16, height + 0.02):
-        parts.append(tube((-width / 2, -0.10, z), (width / 2, -0.10, z), 0.016, metal, sides=8))
+        parts.append(tube((-width / 2, -0.10, z), (width / 2, -0.10, z), 0.016, "white", sides=8))
     for x in (-width / 2 + 0.1, width / 2 - 0.1):
-        parts.append(tube((x, -0.10, 0.0), (x, -0.10, 0.14), 0.012, metal, sides=8))
+        parts.append(tube((x, -0.10, 0.0), (x, -0.10, 0.14), 0.012, "white", sides=8))
     return parts
 
 
@@ -117,11 +117,11 @@ def pot(radius: float, height: float, clay: str) -> list[Part]:
     return [lathe(profile, clay, sides=24), disc(0.92 * r, (0, 0, 0.9 * height), "earth")]
 
 
-def _leaf(length: float, width: float, droop: float, material: str, *, lobes: float = 0.0) -> Part:
+def _leaf(length: float, width: float, droop: float, material: str) -> Part:
     """Leaf that starts at the origin along +x, rises and droops."""
     t = np.linspace(0.0, 1.0, 9)[:, None]
     s = np.linspace(-1.0, 1.0, 5)[None, :]
-    half = width * np.sin(np.pi * np.clip(t, 0.02, 0.985) ** 0.8) * (1 + lobes * np.cos(14 * t))
+    half = width * np.sin(np.pi * np.clip(t, 0.02, 0.985) ** 0.8)
     x = length * np.sin(droop * t) / max(droop, 1e-6) + 0 * s
     z = length * (0.75 * t - 0.9 * droop * t**2) + 0.35 * half * np.abs(s)
     y = half * s
@@ -129,22 +129,20 @@ def _leaf(length: float, width: float, droop: float, material: str, *, lobes: fl
     return sheet(np.stack([x, y + 0 * x, z], -1), uv, material)
 
 
-def palm(
-    rng: np.random.Generator, height: float, leaf: str, pot_radius: float = 0.17
-) -> list[Part]:
+def palm(rng: np.random.Generator, height: float, pot_radius: float = 0.17) -> list[Part]:
     """Pot plant with long arching leaves that spring from its middle."""
     parts = pot(pot_radius, 1.76 * pot_radius, "clay")
     for k in range(26 if height > 0.4 else 14):
         length = height * float(rng.uniform(0.75, 1.25))
         width = 0.04 * height + 0.012 * rng.random()
-        blade = _leaf(length, width, float(rng.uniform(0.3, 1.0)), leaf)
+        blade = _leaf(length, width, float(rng.uniform(0.3, 1.0)), "fern")
         turn = 137.5 * k + float(rng.uniform(-15, 15))
         lean = tilted(blade, (0, 1, 0), -float(rng.uniform(5, 38)))
         parts.append(lean.moved(0.0, 0.0, 1.6 * pot_radius, turn))
     return parts
 
 
-def rubber_tree(rng: np.random.Generator, height: float, leaf: str) -> list[Part]:
+def rubber_tree(rng: np.random.Generator, height: float) -> list[Part]:
     """Pot plant with stems and broad leaves all along them."""
     parts = pot(0.19, 0.34, "glaze")
     for stem in range(3):
@@ -155,7 +153,8 @@ def rubber_tree(rng: np.random.Generator, height: float, leaf: str) -> list[Part
         for k in range(11):
             t = 0.22 + 0.78 * k / 10
             at = foot + (top - foot) * t
-            blade = _leaf(float(rng.uniform(0.17, 0.27)), 0.055, float(rng.uniform(0.6, 1.4)), leaf)
+            length, droop = float(rng.uniform(0.17, 0.27)), float(rng.uniform(0.6, 1.4))
+            blade = _leaf(length, 0.055, droop, "rubber")
             parts.append(blade.moved(at[0], at[1], at[2], 137.5 * k + 60.0 * stem))
     return parts
 
@@ -176,28 +175,28 @@ def pendant_lamp(drop: float, radius: float) -> list[Part]:
     return [globe, cord, cap, rose]
 
 
-def floor_lamp(height: float, shade: str) -> list[Part]:
+def floor_lamp(height: float) -> list[Part]:
     """Standing lamp with a drum shade of cloth, lit inside."""
     parts = [lathe([(0.15, 0.0), (0.15, 0.018), (0.02, 0.03), (0.012, 0.04)], "brass")]
     parts.append(tube((0, 0, 0.03), (0, 0, height - 0.15), 0.011, "brass", sides=8))
-    parts += _shade(0.21, 0.17, height - 0.30, height, shade)
+    parts += _shade(0.21, 0.17, height - 0.30, height)
     return parts
 
 
-def table_lamp(shade: str) -> list[Part]:
+def table_lamp() -> list[Part]:
     """Lamp with a turned foot and a cloth shade."""
     profile = [
         (0.02, 0.0), (0.075, 0.0), (0.08, 0.015), (0.03, 0.05), (0.07, 0.13), (0.075, 0.18),
         (0.03, 0.26), (0.012, 0.29),
     ]  # fmt: skip
-    return [lathe(profile, "glaze", sides=20), *_shade(0.16, 0.11, 0.28, 0.50, shade)]
+    return [lathe(profile, "glaze", sides=20), *_shade(0.16, 0.11, 0.28, 0.50)]
 
 
-def _shade(lower: float, upper: float, bottom: float, top: float, cloth: str) -> list[Part]:
+def _shade(lower: float, upper: float, bottom: float, top: float) -> list[Part]:
     """Lamp shade with a glowing bulb inside."""
     z = np.linspace(bottom, top, 6)
     r = np.interp(z, [bottom, top], [lower, upper])
-    cone = lathe(list(zip(r, z, strict=True)), cloth, sides=28, is_sheet=True)
+    cone = lathe(list(zip(r, z, strict=True)), "linen", sides=28, is_sheet=True)
     bulb = sphere(0.05, (0, 0, bottom + 0.45 * (top - bottom)), "globe", sides=12)
     return [cone, replace(bulb, emission=3.0)]
 

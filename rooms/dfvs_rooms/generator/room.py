@@ -1,19 +1,12 @@
-"""A room: its parts, materials and openings to the sky, without light."""
+"""A room without light: its parts, its materials, its openings and the sky over it."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_rooms.generator.layout import Wall
-from dfvs_rooms.generator.outdoors import Sky
 from dfvs_rooms.generator.solids import Part
 from dfvs_rooms.surfaces.materials import Material
-
-OPENING_BEFORE_WALL_M = 0.07
-"""Skylight of a window on a wall shines from here, m: before its frame."""
-_PANE_BEFORE_WALL_M = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +31,6 @@ class Opening:
     size_m: tuple[float, float]
     before_pane_m: float = 0.0
 
-    @classmethod
-    def on_wall(cls, wall: Wall, place_m: tuple[float, float], size_m: tuple[float, float]) -> Self:
-        """Skylight just before a wall, at place (along the wall, height), m."""
-        c, s = np.cos(np.radians(wall.turn_deg)), np.sin(np.radians(wall.turn_deg))
-        along, out = place_m[0], wall.distance_m - OPENING_BEFORE_WALL_M
-        middle = (float(c * along - s * out), float(s * along + c * out), place_m[1])
-        return cls(middle, wall.turn_deg, size_m, OPENING_BEFORE_WALL_M - _PANE_BEFORE_WALL_M)
-
     @property
     def pane_middle(self) -> FloatArray:
         """Middle (3,) of the pane, m."""
@@ -62,6 +47,33 @@ class Opening:
         """Unit vector (3,) along the wall."""
         turn = np.radians(self.turn_deg)
         return np.array([np.cos(turn), np.sin(turn), 0.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Sky:
+    """Sun and sky over a place without a roof, in room axes (z up).
+
+    Parameters
+    ----------
+    sun_azimuth_deg, sun_height_deg : float
+        Where the sun stands: from east to north, and above the horizon.
+    sun_irradiance : tuple of float
+        Red, green and blue on a surface that faces the sun.
+    radiance : tuple of float
+        Red, green and blue of the sky, everywhere the same.
+    """
+
+    sun_azimuth_deg: float
+    sun_height_deg: float
+    sun_irradiance: tuple[float, float, float] = (24.0, 21.5, 17.5)
+    radiance: tuple[float, float, float] = (2.6, 3.1, 4.0)
+
+    @property
+    def to_sun(self) -> FloatArray:
+        """Unit vector (3,) to the sun."""
+        azimuth, height = np.radians([self.sun_azimuth_deg, self.sun_height_deg])
+        level = np.cos(height)
+        return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(height)])
 
 
 @dataclass(frozen=True, slots=True)

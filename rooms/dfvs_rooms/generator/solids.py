@@ -53,10 +53,6 @@ class Part:
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return replace(self, vertices=self.vertices @ R.T + [x, y, z], normals=self.normals @ R.T)
 
-    def of(self, material: str) -> Part:
-        """Same shape of another material."""
-        return replace(self, material=material)
-
 
 def placed(
     parts: Iterable[Part], x: float, y: float, z: float = 0.0, turn_deg: float = 0.0
@@ -71,10 +67,11 @@ def joined(parts: Iterable[Part]) -> list[Part]:
     for k, part in enumerate(parts):
         own = k + 1 if part.emission > 0 else 0
         groups.setdefault((part.material, part.is_sheet, part.emission, own), []).append(part)
-    return [_as_one(group) for group in groups.values()]
+    return [as_one(group) for group in groups.values()]
 
 
-def _as_one(parts: Sequence[Part]) -> Part:
+def as_one(parts: Sequence[Part]) -> Part:
+    """Several parts of the first one's material as one mesh."""
     vertices, triangles = merged(parts)
     normals = np.concatenate([part.normals for part in parts])
     uv = np.concatenate([part.uv for part in parts])
@@ -102,6 +99,11 @@ def steps(low: float, high: float, edge_m: float) -> FloatArray:
     return np.linspace(low, high, max(1, int(np.ceil((high - low) / edge_m - 1e-6))) + 1)
 
 
+def corners(x: float, y: float) -> list[tuple[float, float]]:
+    """Four places (-x or x, -y or y), as of legs."""
+    return [(i * x, j * y) for i in (-1, 1) for j in (-1, 1)]
+
+
 def grid_triangles(rows: int, columns: int) -> Int32Array:
     """Triangles of a grid of rows x columns vertices, with alternating diagonals."""
     j, i = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
@@ -111,6 +113,12 @@ def grid_triangles(rows: int, columns: int) -> Int32Array:
     first = np.where(even[:, None], np.stack([a, b, d], 1), np.stack([a, b, c], 1))
     second = np.where(even[:, None], np.stack([a, d, c], 1), np.stack([b, d, c], 1))
     return np.concatenate([first, second]).astype(np.int32)
+
+
+def quad_triangles(count: int) -> Int32Array:
+    """Triangles of quads that share no vertex: lower left, lower right, upper left, upper right."""
+    quad = np.array([[0, 1, 3], [0, 3, 2]], np.int32)
+    return (quad + 4 * np.arange(count)[:, None, None]).reshape(-1, 3).astype(np.int32)
 
 
 def sheet(points: FloatArray, uv: FloatArray, material: str, *, is_sheet: bool = True) -> Part:
@@ -217,27 +225,18 @@ def lathe(
     """Surface of revolution about z through (radius, height) points, listed from the bottom up."""
     r, z = np.array(profile, dtype=np.float64).T
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
-    points = np.stack(
-        [
-            r[:, None] * np.cos(angle),
-            r[:, None] * np.sin(angle),
-            np.broadcast_to(z[:, None], (len(z), sides + 1)),
-        ],
-        axis=-1,
-    )
+
+    def around(radius: FloatArray, height: FloatArray) -> FloatArray:
+        x, y = radius[:, None] * np.cos(angle), radius[:, None] * np.sin(angle)
+        return np.stack([x, y, np.broadcast_to(height[:, None], x.shape)], -1)
+
+    points = around(r, z)
     points[:, -1] = points[:, 0]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(r), np.diff(z)))])
     uv = np.stack(np.broadcast_arrays(angle * r.max(), -length[:, None]), axis=-1)
     part = sheet(points, uv, material, is_sheet=is_sheet)
     slope_r, slope_z = np.gradient(r, length), np.gradient(z, length)
-    normals = np.stack(
-        [
-            slope_z[:, None] * np.cos(angle),
-            slope_z[:, None] * np.sin(angle),
-            np.broadcast_to(-slope_r[:, None], (len(z), sides + 1)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    normals = around(slope_z, -slope_r).reshape(-1, 3)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return replace(part, normals=normals)
 

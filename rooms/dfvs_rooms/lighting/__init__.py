@@ -1,1 +1,1 @@
-"""Light: fast lighting, path-traced lighting, exposure."""
+"""Light: fast or path-traced, and baked into a room's vertices."""

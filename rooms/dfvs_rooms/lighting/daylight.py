@@ -8,7 +8,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
-from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.room import Sky
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
 

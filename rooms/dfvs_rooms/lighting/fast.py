@@ -4,7 +4,7 @@ Instant radiosity (Keller, SIGGRAPH 1997). Direct light comes from points on the
 windows. Points on the surfaces that it reaches, drawn in proportion to what they reflect, become
 lamps of their own; what bounces further is taken as even and added as a geometric series. What a
 point cannot reach is told by the renderer's depth in the six directions around it. Shadows are
-true to a few centimetres; ``light.py`` traces paths instead and takes minutes.
+true to a few centimetres; ``path_traced.py`` traces paths instead and takes minutes.
 """
 
 from dataclasses import dataclass
@@ -17,14 +17,15 @@ from dfvs_core.geometry.poses import make_pose
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, merged
 from dfvs_rooms.lighting.daylight import sky_irradiance
-from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE, BakeSettings, mean_albedo
+from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE, SKY_RADIANCE, mean_albedo
 from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, means_of_sides, side_points
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
-from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene
+from dfvs_sim.scene.mesh import NO_TEXTURE, Scene
 from dfvs_sim.viewpoints.free_space import CUBE_FACES
 
 _MAP_SIDE_PX = 128
+_MAP_CAMERA = CameraModel.from_horizontal_fov(_MAP_SIDE_PX, _MAP_SIDE_PX, 0.5 * np.pi)
 _LIFT_M, _NEAREST_M = 0.012, 0.35
 _DARKEST_SLOPE = 0.15
 
@@ -59,11 +60,15 @@ class _Source:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Surface:
-    """Everything that light falls on, in NED, as points (N, 3) with unit normals (N, 3)."""
+    """Everything that light falls on, in NED, as points (N, 3) with unit normals (N, 3).
+
+    ``blockers`` draws it as what stands in the way of light.
+    """
 
     parts: list[Part]
     points: FloatArray
     normals: FloatArray
+    blockers: Renderer
 
 
 def fast_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[FloatArray]:
@@ -73,18 +78,17 @@ def fast_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[F
     """
     rng = np.random.default_rng([seed, 2])
     surface = _surface(room)
-    shadows = _Shadows(surface.parts)
     lamps = [p for p in room.parts if p.emission > 0]
     direct = np.zeros_like(surface.points)
     for source in _lamp_points(lamps, rng) + _sky_points(room.openings, count, rng):
-        direct += shadows.light(source, surface)
+        direct += _light(source, surface)
     if room.sky is not None:
         place = (surface.points, surface.normals)
-        direct += sky_irradiance(room.sky, *place, shadows.blockers, rng)
+        direct += sky_irradiance(room.sky, *place, surface.blockers, rng)
     bounced = np.zeros_like(surface.points)
-    albedo, sources = _bounce_points((room, surface), direct, count, rng)
+    albedo, sources = _bounce_points(room, surface, direct, count, rng)
     for source in sources:
-        bounced += shadows.light(source, surface)
+        bounced += _light(source, surface)
     total = direct + bounced / (1.0 - np.minimum(albedo, 0.7))
     return at_all_parts(room, total)
 
@@ -93,7 +97,8 @@ def _surface(room: Room) -> _Surface:
     """Points just above the vertices of all that does not shine, every side of every part."""
     parts = lit_parts(room)
     points, normals = side_points(parts)
-    return _Surface(parts, ned_from_room(points + _LIFT_M * normals), ned_from_room(normals))
+    lifted = ned_from_room(points + _LIFT_M * normals)
+    return _Surface(parts, lifted, ned_from_room(normals), blockers(parts))
 
 
 def _lamp_points(lamps: list[Part], rng: np.random.Generator) -> list[_Source]:
@@ -125,7 +130,7 @@ def _sky_points(
     for sky in openings:
         width, height = sky.size_m
         n = count.per_opening
-        power = width * height * np.array(BakeSettings().sky_radiance) / n
+        power = width * height * np.array(SKY_RADIANCE) / n
         columns = np.arange(n) + rng.random(n)
         s = (columns / n - 0.5) * width
         z = (rng.permutation(columns) / n - 0.5) * height
@@ -137,10 +142,13 @@ def _sky_points(
 
 
 def _bounce_points(
-    place: tuple[Room, _Surface], direct: FloatArray, count: LightPoints, rng: np.random.Generator
+    room: Room,
+    surface: _Surface,
+    direct: FloatArray,
+    count: LightPoints,
+    rng: np.random.Generator,
 ) -> tuple[FloatArray, list[_Source]]:
     """Mean reflectance (3,) of a room, and points that send on the direct light (N, 3)."""
-    room, surface = place
     parts = surface.parts
     vertices, triangles = merged(parts)
     normals = np.concatenate([p.normals for p in parts])
@@ -165,55 +173,53 @@ def _bounce_points(
     return mean, sources
 
 
-class _Shadows:
-    """What stands in the way of light."""
-
-    def __init__(self, parts: list[Part]) -> None:
-        vertices, triangles = merged(parts)
-        self.blockers = Renderer(_blockers(ned_from_room(vertices), triangles))
-        self._camera = CameraModel.from_horizontal_fov(_MAP_SIDE_PX, _MAP_SIDE_PX, 0.5 * np.pi)
-
-    def light(self, source: _Source, surface: _Surface) -> FloatArray:
-        """Irradiance (N, 3) of a source at a surface's points."""
-        way = surface.points - source.place
-        distance2 = np.einsum("nk,nk->n", way, way)
-        distance = np.sqrt(np.maximum(distance2, 1e-12))
-        slope = -np.einsum("nk,nk->n", way, surface.normals) / distance
-        strength = slope / np.maximum(distance2, _NEAREST_M**2)
-        if source.facing is not None:
-            strength *= (way @ source.facing) / distance
-            slope = np.where(way @ source.facing > 0, slope, 0.0)
-        lit = np.flatnonzero(slope > 0)
-        lit = lit[self._reached(source.place, way[lit], slope[lit])]
-        result = np.zeros_like(surface.points)
-        result[lit] = strength[lit, None] * source.intensity
-        return result
-
-    def _reached(self, place: FloatArray, way: FloatArray, slope: FloatArray) -> BoolArray:
-        """Tell which points, at ``way`` (N, 3) from a place, are not hidden from it."""
-        axis = np.abs(way).argmax(axis=1)
-        face = 2 * axis + (np.take_along_axis(way, axis[:, None], 1)[:, 0] < 0)
-        reached = np.zeros(len(way), np.bool_)
-        for k in np.unique(face):
-            here = face == k
-            R = CUBE_FACES[k]
-            seen = way[here] @ R
-            depth = self.blockers.depth(self._camera, make_pose(R, place))
-            i, j = (self._camera.project(seen)).T.astype(np.intp).clip(0, _MAP_SIDE_PX - 1)
-            steep = np.sqrt(1 - slope[here] ** 2) / np.maximum(slope[here], _DARKEST_SLOPE)
-            reach = seen[:, 2] * (1.0 - 1.5 / _MAP_SIDE_PX * steep) - 0.01
-            blocker = depth[j, i]
-            reached[here] = (blocker == 0.0) | (reach <= blocker)
-        return reached
+def _light(source: _Source, surface: _Surface) -> FloatArray:
+    """Irradiance (N, 3) of a source at a surface's points."""
+    way = surface.points - source.place
+    distance2 = np.einsum("nk,nk->n", way, way)
+    distance = np.sqrt(np.maximum(distance2, 1e-12))
+    slope = -np.einsum("nk,nk->n", way, surface.normals) / distance
+    strength = slope / np.maximum(distance2, _NEAREST_M**2)
+    if source.facing is not None:
+        strength *= (way @ source.facing) / distance
+        slope = np.where(way @ source.facing > 0, slope, 0.0)
+    lit = np.flatnonzero(slope > 0)
+    lit = lit[_reached(surface.blockers, source.place, way[lit], slope[lit])]
+    result = np.zeros_like(surface.points)
+    result[lit] = strength[lit, None] * source.intensity
+    return result
 
 
-def _blockers(vertices: FloatArray, triangles: Int32Array) -> Scene:
-    """Plain scene of vertices (N, 3) in NED, m."""
+def _reached(
+    blockers: Renderer, place: FloatArray, way: FloatArray, slope: FloatArray
+) -> BoolArray:
+    """Tell which points, at ``way`` (N, 3) from a place, are not hidden from it."""
+    axis = np.abs(way).argmax(axis=1)
+    face = 2 * axis + (np.take_along_axis(way, axis[:, None], 1)[:, 0] < 0)
+    reached = np.zeros(len(way), np.bool_)
+    for k in np.unique(face):
+        here = face == k
+        R = CUBE_FACES[k]
+        seen = way[here] @ R
+        depth = blockers.depth(_MAP_CAMERA, make_pose(R, place))
+        i, j = _MAP_CAMERA.project(seen).T.astype(np.intp).clip(0, _MAP_SIDE_PX - 1)
+        steep = np.sqrt(1 - slope[here] ** 2) / np.maximum(slope[here], _DARKEST_SLOPE)
+        reach = seen[:, 2] * (1.0 - 1.5 / _MAP_SIDE_PX * steep) - 0.01
+        blocker = depth[j, i]
+        reached[here] = (blocker == 0.0) | (reach <= blocker)
+    return reached
+
+
+def blockers(parts: list[Part]) -> Renderer:
+    """Depth of plain parts, by which they stand in the way of light."""
+    vertices, triangles = merged(parts)
     n = len(vertices)
-    return Scene(
-        vertices=vertices.astype(np.float32),
-        triangles=triangles,
-        uv=np.zeros((n, 2), np.float32),
-        colours=np.ones((n, 3), np.float32),
-        texture_index=np.full(len(triangles), NO_TEXTURE, np.int32),
+    return Renderer(
+        Scene(
+            vertices=ned_from_room(vertices).astype(np.float32),
+            triangles=triangles,
+            uv=np.zeros((n, 2), np.float32),
+            colours=np.ones((n, 3), np.float32),
+            texture_index=np.full(len(triangles), NO_TEXTURE, np.int32),
+        )
     )

@@ -17,8 +17,7 @@ import numpy as np
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_rooms.generator.outdoors import Sky
-from dfvs_rooms.generator.room import Opening, Room
+from dfvs_rooms.generator.room import Opening, Room, Sky
 from dfvs_rooms.generator.solids import Part, merged
 from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, side_points
 from dfvs_rooms.surfaces.materials import Material
@@ -32,8 +31,12 @@ _CHUNK = 2048
 _METER_SIZE_M, _METER_HEIGHT_M = 2.5e-4, 1.3e-3
 _PLATE_SIZE_M, _PLATE_HEIGHT_M, _PLATE_ALBEDO = 6e-3, 3e-4, 0.8
 _SKY_WEIGHT = 0.5
+_BOUNCES = 7
+"""Longest light path."""
 LAMP_RADIANCE = (7.0, 6.2, 4.9)
 """Red, green and blue of a lamp of emission 1."""
+SKY_RADIANCE = (8.0, 8.9, 9.9)
+"""Red, green and blue of the light in a window's opening."""
 
 
 class BakeError(DfvsError):
@@ -48,18 +51,12 @@ class BakeSettings:
     ----------
     samples : int
         Light paths per vertex.
-    bounces : int
-        Longest path.
     seed : int
         Seed of the sampler.
-    sky_radiance : tuple of float
-        Red, green and blue of the light in the window's opening, beside lamps of about 6.
     """
 
     samples: int = 256
-    bounces: int = 7
     seed: int = 0
-    sky_radiance: tuple[float, float, float] = (8.0, 8.9, 9.9)
 
     def __post_init__(self) -> None:
         """Refuse what Mitsuba would stumble over."""
@@ -112,23 +109,18 @@ class _Tracer:
 
     def __init__(self, mi: Any, room: Room, settings: BakeSettings, folder: Path) -> None:
         self._mi, self._settings, self._folder = mi, settings, folder
-        self._things = {"type": "scene", "integrator": self._integrator()}
-        self._lit = lit_parts(room)
+        integrator = {"type": "path", "max_depth": _BOUNCES, "rr_depth": 5}
+        self._things = {"type": "scene", "integrator": integrator}
+        self._room, self._lit = room, lit_parts(room)
         for name, material in room.materials.items():
             parts = [p for p in self._lit if p.material == name]
             if parts:
-                self._things[name] = self._shape(name, parts, mean_albedo(material))
+                vertices, triangles = merged(parts)
+                mesh = (vertices.astype(np.float32), triangles)
+                self._things[name] = self._mesh(name, *mesh, mean_albedo(material))
         self._add_lights([p for p in room.parts if p.emission > 0], room.openings)
         if room.sky is not None:
             self._add_daylight(room.sky)
-        self._room = room
-
-    def _integrator(self) -> dict[str, Any]:
-        return {"type": "path", "max_depth": self._settings.bounces, "rr_depth": 5}
-
-    def _shape(self, name: str, parts: list[Part], albedo: FloatArray) -> dict[str, Any]:
-        vertices, triangles = merged(parts)
-        return self._mesh(name, vertices.astype(np.float32), triangles, albedo)
 
     def _mesh(
         self, name: str, vertices: Float32Array, triangles: Int32Array, albedo: Any
@@ -149,8 +141,6 @@ class _Tracer:
                 "radius": radius * 0.98,
                 "emitter": _emitter(np.multiply(LAMP_RADIANCE, lamp.emission), radius),
             }
-        if not any(self._settings.sky_radiance):
-            return
         transform = self._mi.ScalarTransform4f
         for k, sky in enumerate(openings):
             middle = sky.pane_middle
@@ -159,7 +149,7 @@ class _Tracer:
             self._things[f"sky{k}"] = {
                 "type": "rectangle",
                 "to_world": towards @ size,
-                "emitter": _emitter(self._settings.sky_radiance, _SKY_WEIGHT),
+                "emitter": _emitter(SKY_RADIANCE, _SKY_WEIGHT),
             }
 
     def _add_daylight(self, sky: Sky) -> None:
@@ -173,35 +163,21 @@ class _Tracer:
 
     def measure(self, progress: Progress) -> list[FloatArray]:
         """Irradiance (N, 3) at the vertices of each part, 0 for what shines by itself."""
-        return at_all_parts(self._room, self._irradiance(*side_points(self._lit), progress))
-
-    def _irradiance(
-        self, points: FloatArray, normals: FloatArray, progress: Progress
-    ) -> FloatArray:
-        """Irradiance (N, 3) at points (N, 3) of surfaces with normals (N, 3)."""
+        points, normals = side_points(self._lit)
         values = np.empty((len(points), 3))
         for first in range(0, len(points), _CHUNK):
             last = min(first + _CHUNK, len(points))
-            place = (points[first:last], normals[first:last])
-            things = {
-                **self._things,
-                "plates": self._plates(*place),
-                "meters": self._meters(*place),
-            }
-            scene = self._mi.load_dict(things)
+            meters = self._meters(points[first:last], normals[first:last])
+            scene = self._mi.load_dict(self._things | meters)
             image = np.array(self._mi.render(scene, seed=self._settings.seed + first))
             values[first:last] = image.reshape(last - first, 3) / _PLATE_ALBEDO
             progress(last, len(points))
-        return values
-
-    def _plates(self, points: FloatArray, normals: FloatArray) -> dict[str, Any]:
-        above = points + _PLATE_HEIGHT_M * normals
-        plates = _triangles_at(above, normals, _PLATE_SIZE_M)
-        return self._mesh("plates", *plates, [_PLATE_ALBEDO] * 3)
+        return at_all_parts(self._room, values)
 
     def _meters(self, points: FloatArray, normals: FloatArray) -> dict[str, Any]:
-        above = points + _METER_HEIGHT_M * normals
-        meters = self._mesh("meters", *_triangles_at(above, -normals, _METER_SIZE_M), [0.0] * 3)
+        """Plates at points (N, 3) of surfaces with normals (N, 3), and meters that see them."""
+        plates = _triangles_at(points + _PLATE_HEIGHT_M * normals, normals, _PLATE_SIZE_M)
+        meters = _triangles_at(points + _METER_HEIGHT_M * normals, -normals, _METER_SIZE_M)
         film = {
             "type": "hdrfilm",
             "width": 1,
@@ -212,7 +188,10 @@ class _Tracer:
         }
         sampler = {"type": "multijitter", "sample_count": self._settings.samples}
         sensor = {"type": "irradiancemeter", "film": film, "sampler": sampler}
-        return {**meters, "sensor": sensor}
+        return {
+            "plates": self._mesh("plates", *plates, [_PLATE_ALBEDO] * 3),
+            "meters": {**self._mesh("meters", *meters, [0.0] * 3), "sensor": sensor},
+        }
 
 
 def _rgb(value: Any) -> dict[str, Any]:

@@ -10,11 +10,10 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.bookcases import bookcase
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, lathe, placed
 
 _SILL_M, _TILED_M = 1.55, 0.75
@@ -24,13 +23,13 @@ _BALUSTER = ((0.035, 0.0), (0.035, 0.12), (0.018, 0.16), (0.045, 0.42), (0.018, 
 """Outline (radius, height) of a baluster, m."""
 
 
-def arcade(rng: np.random.Generator) -> Place:
+def arcade(rng: np.random.Generator) -> Layout:
     """Furnish a hall in which everything comes again and again."""
     layout = shell.drawn_layout(rng, (8.0, 10.0), (5.0, 6.0), (3.2, 3.6))
     floor = str(rng.choice(["checkers", "flagstone", "terrazzo"]))
     shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall0", "wall0")))
     period_m = float(rng.uniform(0.9, 1.3))
-    openings = _windows(layout, period_m, rng)
+    _windows(layout, period_m, rng)
     _shelves(layout, rng)
     _end_walls(layout, period_m, rng)
     step_m = float(rng.uniform(0.16, 0.24))
@@ -39,7 +38,7 @@ def arcade(rng: np.random.Generator) -> Place:
         layout.set_down(Piece.standing(_balustrade(length_m, step_m)), 0.0, y)
     shell.scatter(layout, rng, (pieces.plant, pieces.seat), int(rng.integers(1, 3)))
     shell.hang_lamps(layout, (5, 2), 0.5)
-    return Place(layout, openings)
+    return layout
 
 
 def _places(length_m: float, period_m: float) -> FloatArray:
@@ -48,22 +47,20 @@ def _places(length_m: float, period_m: float) -> FloatArray:
     return np.asarray(period_m * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
-def _windows(layout: Layout, period_m: float, rng: np.random.Generator) -> tuple[Opening, ...]:
+def _windows(layout: Layout, period_m: float, rng: np.random.Generator) -> None:
     """Equal windows above tiles, with a radiator below each and a vase beside some."""
     wall = layout.walls[NORTH]
     reach = wall.length_m / 2
     shell.clad(layout, NORTH, (-reach, reach, 0.09, _TILED_M), "subway")
-    openings: tuple[Opening, ...] = ()
     for s in _places(wall.length_m - 0.4, period_m):
         size = (0.6 * period_m, 1.2)
-        openings += shell.add_window(layout, NORTH, (float(s), _SILL_M), size, panes=1)
-        radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45, "white"))
+        shell.add_window(layout, NORTH, (float(s), _SILL_M), size, panes=1)
+        radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45))
         layout.stand(radiator, NORTH, float(s))
         if rng.random() < 0.5:
             vase = props.vase(float(rng.uniform(0.2, 0.35)), str(rng.choice(["glaze", "clay"])))
             at = (float(s + rng.uniform(-0.15, 0.15)), 0.5)
             layout.parts += shell.on_wall(layout, NORTH, placed([vase], 0.0, -0.1), *at)
-    return openings
 
 
 def _shelves(layout: Layout, rng: np.random.Generator) -> None:

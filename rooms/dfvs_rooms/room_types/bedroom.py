@@ -4,19 +4,19 @@ import numpy as np
 
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.cupboards import front
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
-from dfvs_rooms.generator.layout import Piece
-from dfvs_rooms.generator.solids import box, cushion, placed, tube
+from dfvs_rooms.generator.layout import Layout, Piece
+from dfvs_rooms.generator.solids import box, corners, cushion, placed, tube
 
 
-def bedroom(rng: np.random.Generator) -> Place:
+def bedroom(rng: np.random.Generator) -> Layout:
     """Furnish a bedroom."""
     layout = shell.drawn_layout(rng, (4.6, 5.6), (4.0, 4.8), (2.5, 2.8))
     shell.build_shell(layout, Finish("planks", ("wallpaper", "wall0", "wall0", "wall0")))
     window = (float(rng.uniform(-0.5, 0.6)), 1.45)
-    openings = shell.add_window(layout, WEST, window, (1.5, 1.4), panes=2)
+    shell.add_window(layout, WEST, window, (1.5, 1.4), panes=2)
     shell.add_curtains(layout, WEST, window, 1.5, rng)
     bed = float(rng.uniform(-0.35, 0.35))
     layout.stand(_bed(rng), NORTH, bed)
@@ -32,10 +32,11 @@ def bedroom(rng: np.random.Generator) -> Place:
         layout.hang(shell.framed(f"picture{k + 3}", size, "black"), SOUTH, s, 1.62)
     layout.set_down(Piece.standing(furniture.armchair("armchair", "print")), -1.5, -1.25, -125.0)
     shell.scatter(layout, rng, (pieces.plant, pieces.basket, pieces.seat, pieces.standing_lamp), 5)
-    shell.hang_anywhere(layout, rng, pieces.wall_thing, 2)
+    for _ in range(2):
+        layout.on_wall(pieces.wall_thing(rng), (1.3, 1.8))
     layout.parts += placed(props.rug("rug", 2.5, 1.7), bed, -0.25)
     shell.hang_lamps(layout, (1, 1), 0.5)
-    return Place(layout, openings)
+    return layout
 
 
 def _bed(rng: np.random.Generator) -> Piece:
@@ -58,10 +59,9 @@ def _bedside_table(rng: np.random.Generator) -> Piece:
     parts = box((0.46, 0.38, 0.42), (0, 0, 0.12), "oak")
     for z in (0.14, 0.34):
         parts += placed(front(0.42, 0.18, "sage", handle="drawer"), 0, -0.19, z)
-    for x in (-0.18, 0.18):
-        for y in (-0.14, 0.14):
-            parts.append(tube((x, y, 0), (x, y, 0.12), 0.014, "walnut", sides=7))
-    parts += placed(props.table_lamp("linen"), -0.08, 0.06, 0.54)
+    for leg in corners(0.18, 0.14):
+        parts.append(tube((*leg, 0), (*leg, 0.12), 0.014, "walnut", sides=7))
+    parts += placed(props.table_lamp(), -0.08, 0.06, 0.54)
     books = furniture.book_pile(rng, int(rng.integers(1, 4)), "books")
     return Piece.standing(parts + placed(books, 0.12, -0.06, 0.54))
 
@@ -92,4 +92,4 @@ def _drawers(rng: np.random.Generator) -> Piece:
             parts += placed(drawer, column * 0.305, -depth / 2, 0.1 + 0.25 * row)
     parts += placed([props.vase(0.32, "clay")], -0.42, 0, height)
     parts += placed(furniture.book_pile(rng, 4, "books"), 0.05, 0, height)
-    return Piece.standing(parts + placed(props.palm(rng, 0.32, "fern", 0.08), 0.42, 0, height))
+    return Piece.standing(parts + placed(props.palm(rng, 0.32, 0.08), 0.42, 0, height))

@@ -3,14 +3,14 @@
 import numpy as np
 
 from dfvs_rooms.fittings import shell
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.solids import Part, box, lathe, placed, tube
 
 
-def canteen(rng: np.random.Generator) -> Place:
+def canteen(rng: np.random.Generator) -> Layout:
     """Furnish a canteen."""
     layout = shell.drawn_layout(rng, (9.0, 11.0), (7.0, 8.4), (3.3, 3.9))
     floor = str(rng.choice(["checkers", "flagstone", "terrazzo"]))
@@ -18,7 +18,7 @@ def canteen(rng: np.random.Generator) -> Place:
     for k in (EAST, SOUTH, WEST):
         reach = layout.walls[k].length_m / 2
         shell.clad(layout, k, (-reach, reach, 0.09, 1.0), "wainscot")
-    openings = shell.add_windows(layout, SOUTH, (-3.0, 0.0, 3.0), 2.0, (2.0, 1.6), panes=3)
+    shell.add_windows(layout, SOUTH, (-3.0, 0.0, 3.0), 2.0, (2.0, 1.6), panes=3)
     _counter(layout, rng)
     e, n = (float(v) for v in layout.half)
     for x in (-0.36 * e, 0.36 * e):
@@ -33,7 +33,7 @@ def canteen(rng: np.random.Generator) -> Place:
     shell.hang_row(layout, EAST, names, 1.8)
     shell.scatter(layout, rng, (pieces.plant, pieces.plant, pieces.seat, pieces.radiator), 5)
     shell.hang_lamps(layout, (4, 3), 1.0, shade="accent")
-    return Place(layout, openings)
+    return layout
 
 
 def _column(height: float) -> list[Part]:
@@ -102,9 +102,9 @@ def _table(rng: np.random.Generator) -> Piece:
     parts = furniture.table((1.3, 0.8, 0.75), "oak", "metal")
     for x in (-0.35, 0.35):
         for side, turn in ((1, 0.0), (-1, 180.0)):
-            chair = furniture.chair("walnut", "armchair")
+            chair = furniture.chair("armchair")
             parts += placed(chair, x, side * 0.6, 0, turn + float(rng.uniform(-10, 10)))
-    parts += placed(props.palm(rng, 0.2, "fern", pot_radius=0.06), 0, 0, 0.75)
+    parts += placed(props.palm(rng, 0.2, pot_radius=0.06), 0, 0, 0.75)
     parts += placed(_jar(rng), 0.18, 0.05, 0.75)
     tray = box((0.4, 0.3, 0.02), (0, 0, 0), "accent")
     return Piece.standing(parts + placed(tray, -0.35, -0.15, 0.75, float(rng.uniform(-20, 20))))

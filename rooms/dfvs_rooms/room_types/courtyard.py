@@ -3,16 +3,16 @@
 import numpy as np
 
 from dfvs_rooms.fittings import greenery, shell
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.room import Sky
 from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, placed, sheet, tube
 
 _DOME_M = 14.0
 
 
-def courtyard(rng: np.random.Generator) -> Place:
+def courtyard(rng: np.random.Generator) -> Layout:
     """Build and plant a courtyard."""
     layout = shell.drawn_layout(rng, (8.0, 9.6), (6.6, 7.8), (4.2, 4.8))
     walls = ("bricks", "stucco", "stone", "wall0")
@@ -24,8 +24,8 @@ def courtyard(rng: np.random.Generator) -> Place:
     _fronts(layout, rng)
     _garden(layout, rng)
     layout.parts.append(_dome())
-    sky = Sky(float(rng.uniform(0, 360)), float(rng.uniform(48, 62)))
-    return Place(layout, (), sky)
+    layout.sky = Sky(float(rng.uniform(0, 360)), float(rng.uniform(48, 62)))
+    return layout
 
 
 def _reach(layout: Layout, k: int) -> float:
@@ -119,7 +119,7 @@ def _garden(layout: Layout, rng: np.random.Generator) -> None:
         tub = greenery.tub(rng, radius, clay, f"leaf{rng.integers(2)}")
         layout.against_wall(Piece.standing(tub))
     for _ in range(4):
-        pot = props.palm(rng, float(rng.uniform(0.35, 0.6)), "fern")
+        pot = props.palm(rng, float(rng.uniform(0.35, 0.6)))
         layout.against_wall(Piece.standing(pot))
     barrel = lathe([(0.24, 0.0), (0.3, 0.35), (0.3, 0.45), (0.25, 0.8)], "oak", sides=24)
     layout.against_wall(Piece.standing([barrel, disc(0.24, (0, 0, 0.76), "pane")]))
@@ -173,7 +173,7 @@ def _table(rng: np.random.Generator) -> Piece:
     """Round metal table with chairs, cushions and a pot."""
     top = [(0.02, 0.7), (0.48, 0.7), (0.5, 0.72), (0.48, 0.735), (0.01, 0.735)]
     parts = [lathe(top, "accent", sides=30), tube((0, 0, 0), (0, 0, 0.7), 0.03, "metal")]
-    parts += placed(props.palm(rng, 0.25, "fern", pot_radius=0.08), 0.1, 0.1, 0.735)
+    parts += placed(props.palm(rng, 0.25, pot_radius=0.08), 0.1, 0.1, 0.735)
     for angle in np.radians([20, 140, 260]):
         turn = float(np.degrees(angle)) - 90.0
         place = float(0.85 * np.cos(angle)), float(0.85 * np.sin(angle))

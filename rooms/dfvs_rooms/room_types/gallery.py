@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.fittings import shell
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
@@ -14,13 +14,13 @@ _STEPS, _TREAD_M, _STAIR_WIDTH_M = 15, 0.28, 1.15
 _RAIL_M = 0.95
 
 
-def gallery(rng: np.random.Generator) -> Place:
+def gallery(rng: np.random.Generator) -> Layout:
     """Furnish a gallery."""
     layout = shell.drawn_layout(rng, (7.6, 9.0), (6.4, 7.2), (4.9, 5.3))
     floor = str(rng.choice(["parquet", "terrazzo", "planks"]))
     shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall1", "bricks")), edge_m=0.13)
     _stairs_and_landing(layout)
-    openings = shell.add_windows(layout, SOUTH, (-2.3, 0.0, 2.3), 3.8, (1.5, 1.3), panes=3)
+    shell.add_windows(layout, SOUTH, (-2.3, 0.0, 2.3), 3.8, (1.5, 1.3), panes=3)
     layout.stand(Piece.standing(props.door(1.2, 2.3, "walnut", "black")), SOUTH, 2.4)
     _paintings(layout, rng)
     for x, y in ((0.2, -1.0), (1.9, 0.3), (2.4, -1.9)):
@@ -29,7 +29,7 @@ def gallery(rng: np.random.Generator) -> Place:
     layout.set_down(_screen_of_artworks(rng), -0.4, -2.2, float(rng.uniform(-12, 12)))
     shell.scatter(layout, rng, (pieces.plant, pieces.seat), 3)
     shell.hang_lamps(layout, (3, 2), 1.1)
-    return Place(layout, openings)
+    return layout
 
 
 def _stairs_and_landing(layout: Layout) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.bookcases import bookcase
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Layout, Piece
@@ -13,12 +13,12 @@ from dfvs_rooms.generator.solids import Part, box, lathe, placed, sphere, tilted
 _HIGH_M = 2.5
 
 
-def library(rng: np.random.Generator) -> Place:
+def library(rng: np.random.Generator) -> Layout:
     """Furnish a library."""
     layout = shell.drawn_layout(rng, (7.0, 8.4), (5.2, 6.2), (3.2, 3.6))
     finish = Finish("parquet", ("wall0", "wall0", "wall1", "wall0"), skirting="walnut")
     shell.build_shell(layout, finish)
-    openings = shell.add_windows(layout, SOUTH, (-2.2, 0.0, 2.2), 1.9, (1.1, 1.9), panes=2)
+    shell.add_windows(layout, SOUTH, (-2.2, 0.0, 2.2), 1.9, (1.1, 1.9), panes=2)
     _along_walls(layout, rng)
     for x in (-1.9, 1.7)[: int(rng.integers(1, 3))]:
         layout.set_down(_double_case(rng), x, 0.55, 90.0)
@@ -37,7 +37,7 @@ def library(rng: np.random.Generator) -> Place:
     layout.parts += shell.on_wall(layout, NORTH, _ladder(), 0.6)
     shell.scatter(layout, rng, (pieces.plant, pieces.armchair, pieces.basket), 3)
     shell.hang_lamps(layout, (3, 2), 0.9)
-    return Place(layout, openings)
+    return layout
 
 
 def _along_walls(layout: Layout, rng: np.random.Generator) -> None:
@@ -80,7 +80,7 @@ def _reading_table(rng: np.random.Generator) -> Piece:
     for x in (-0.75, 0.0, 0.75):
         for side in (1, -1):
             turn = (0.0 if side > 0 else 180.0) + float(rng.uniform(-15, 15))
-            parts += placed(furniture.chair("walnut", "leather"), x, side * 0.74, 0, turn)
+            parts += placed(furniture.chair("leather"), x, side * 0.74, 0, turn)
     return Piece.standing(parts)
 
 

@@ -4,36 +4,12 @@ The window looks north. Everything below a lamp at 2.1 m and above the tables at
 airspace except at the walls.
 """
 
+import itertools
+
 import numpy as np
 
-from dfvs_rooms.generator.furniture import (
-    armchair,
-    book_pile,
-    bookcase,
-    chair,
-    pouf,
-    sideboard,
-    sofa,
-    table,
-)
-from dfvs_rooms.generator.props import (
-    basket,
-    clock,
-    curtain,
-    curtain_rail,
-    door,
-    floor_lamp,
-    framed_artwork,
-    fruit_bowl,
-    palm,
-    pendant_lamp,
-    radiator,
-    rubber_tree,
-    rug,
-    table_lamp,
-    vase,
-    wall_shelf,
-)
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, box, panel, placed, sheet, steps
 from dfvs_rooms.surfaces.materials import room_materials
@@ -84,8 +60,8 @@ def _shell() -> list[Part]:
         *_moulding((0.018, 0.09), 0.0, ((-n, 0.96), (2.04, n))),
         *_moulding((0.06, 0.07), h - 0.07, ((-n, n),)),
     ]
-    parts += placed(rug("rug", 2.9, 1.95, edge_m=_FLOOR_EDGE_M), 0.1, -0.65)
-    kilim = rug("kilim", 1.9, 1.8, stretched=False, edge_m=_FLOOR_EDGE_M)
+    parts += placed(props.rug("rug", 2.9, 1.95, edge_m=_FLOOR_EDGE_M), 0.1, -0.65)
+    kilim = props.rug("kilim", 1.9, 1.8, stretched=False, edge_m=_FLOOR_EDGE_M)
     return parts + placed(kilim, -2.42, 0.25)
 
 
@@ -111,20 +87,8 @@ def _moulding(
 def _north_wall() -> list[Part]:
     """Wall with the window's opening cut out, as one mesh without T-junctions, and its reveal."""
     x0, x1, z0, z1 = WINDOW
-    xs = np.concatenate(
-        [
-            steps(-_EAST, x0, _WALL_EDGE_M),
-            steps(x0, x1, _WALL_EDGE_M)[1:],
-            steps(x1, _EAST, _WALL_EDGE_M)[1:],
-        ]
-    )
-    zs = np.concatenate(
-        [
-            steps(0, z0, _WALL_EDGE_M),
-            steps(z0, z1, _WALL_EDGE_M)[1:],
-            steps(z1, HEIGHT_M, _WALL_EDGE_M)[1:],
-        ]
-    )
+    xs = _steps_along(-_EAST, x0, x1, _EAST)
+    zs = _steps_along(0, z0, z1, HEIGHT_M)
     gx, gz = np.meshgrid(xs, zs)
     points = np.stack([gx, np.full_like(gx, _NORTH), gz], -1)
     wall = sheet(points, np.stack([gx, -gz], -1), "plaster", is_sheet=False)
@@ -150,6 +114,12 @@ def _north_wall() -> list[Part]:
     return [cut, *reveal, *sill]
 
 
+def _steps_along(*ends: float) -> FloatArray:
+    """Positions of a wall's vertices along stretches with these ends, each end once."""
+    stretches = [steps(low, high, _WALL_EDGE_M) for low, high in itertools.pairwise(ends)]
+    return np.unique(np.concatenate(stretches))
+
+
 def _window(rng: np.random.Generator) -> list[Part]:
     """Window frame, the view outside, curtains and the radiator below."""
     x0, x1, z0, z1 = WINDOW
@@ -169,62 +139,62 @@ def _window(rng: np.random.Generator) -> list[Part]:
     uv = np.stack(np.broadcast_arrays(0.5 + 0.5 * s, rise), -1)
     parts.append(sheet(view, uv, "garden"))
     for x in (x0 - 0.28, x1 + 0.28):
-        parts += placed(curtain(rng, 0.62, 2.42, "drape"), x, _NORTH - 0.13)
-    parts += placed(curtain_rail(w + 1.35, "brass"), cx, _NORTH - 0.13, 2.45)
-    return parts + placed(radiator(1.7, 0.55, "white"), cx, _NORTH)
+        parts += placed(props.curtain(rng, 0.62, 2.42), x, _NORTH - 0.13)
+    parts += placed(props.curtain_rail(w + 1.35), cx, _NORTH - 0.13, 2.45)
+    return parts + placed(props.radiator(1.7, 0.55), cx, _NORTH)
 
 
 def _furniture(rng: np.random.Generator) -> list[Part]:
     """Seats and tables on the floor, and what lies on them."""
-    parts = placed(sofa(2.25, "sofa", ("chevron", "dots", "ikat")), 0.1, -2.46, 0, 180)
-    parts += placed(armchair("armchair", "ikat"), -2.35, -1.75, 0, 128)
-    parts += placed(table((1.15, 0.62, 0.42), "oak", "walnut"), 0.1, -0.95, 0)
-    parts += placed(book_pile(rng, 4, "books"), 0.42, -0.95, 0.42)
-    parts += placed([vase(0.20, "glaze")], -0.15, -0.85, 0.42)
-    parts += placed(bookcase(rng, (1.0, 0.32, 2.15), "walnut", "books"), 3.33, -1.95, 0, -90)
-    parts += placed(bookcase(rng, (1.0, 0.32, 2.15), "walnut", "books"), 3.33, -0.93, 0, -90)
-    parts += placed(sideboard((1.75, 0.42, 0.78), "oak", "sage"), 3.27, 0.85, 0, -90)
-    parts += placed(book_pile(rng, 5, "books"), 3.27, 0.62, 0.78, 70)
-    parts += placed([vase(0.30, "clay")], 3.27, 0.28, 0.78)
-    parts += placed(table((1.35, 0.85, 0.75), "oak", "oak"), -2.45, 0.25, 0)
-    parts += placed(fruit_bowl(rng), -2.45, 0.25, 0.75)
-    for x, turn in ((-2.80, 0.0), (-2.12, 0.0)):
-        parts += placed(chair("walnut", "linen"), x, 0.85, 0, turn)
-        parts += placed(chair("walnut", "linen"), x, -0.35, 0, 180 + turn)
-    parts += placed(pouf("chevron"), 1.95, -1.15)
-    return parts + placed(basket(0.24, 0.36), 1.75, -2.55)
+    parts = placed(furniture.sofa(2.25, "sofa", ("chevron", "dots", "ikat")), 0.1, -2.46, 0, 180)
+    parts += placed(furniture.armchair("armchair", "ikat"), -2.35, -1.75, 0, 128)
+    parts += placed(furniture.table((1.15, 0.62, 0.42), "oak", "walnut"), 0.1, -0.95, 0)
+    parts += placed(furniture.book_pile(rng, 4, "books"), 0.42, -0.95, 0.42)
+    parts += placed([props.vase(0.20, "glaze")], -0.15, -0.85, 0.42)
+    parts += placed(furniture.bookcase(rng, (1.0, 0.32, 2.15)), 3.33, -1.95, 0, -90)
+    parts += placed(furniture.bookcase(rng, (1.0, 0.32, 2.15)), 3.33, -0.93, 0, -90)
+    parts += placed(furniture.sideboard((1.75, 0.42, 0.78)), 3.27, 0.85, 0, -90)
+    parts += placed(furniture.book_pile(rng, 5, "books"), 3.27, 0.62, 0.78, 70)
+    parts += placed([props.vase(0.30, "clay")], 3.27, 0.28, 0.78)
+    parts += placed(furniture.table((1.35, 0.85, 0.75), "oak", "oak"), -2.45, 0.25, 0)
+    parts += placed(props.fruit_bowl(rng), -2.45, 0.25, 0.75)
+    for x in (-2.80, -2.12):
+        parts += placed(furniture.chair("linen"), x, 0.85)
+        parts += placed(furniture.chair("linen"), x, -0.35, 0, 180)
+    parts += placed(furniture.pouf("chevron"), 1.95, -1.15)
+    return parts + placed(props.basket(0.24, 0.36), 1.75, -2.55)
 
 
 def _wall_decor(rng: np.random.Generator) -> list[Part]:
     """Artworks, a shelf, the clock and the door."""
-    south = [
-        (-1.05, 1.62, 0.62, 0.46, "contours1", "walnut"),
-        (-0.05, 1.70, 0.48, 0.64, "rectangles1", "black"),
-        (0.95, 1.62, 0.74, 0.55, "landscape1", "gilt"),
-        (2.25, 1.60, 0.60, 0.60, "swirls1", "black"),
-        (-2.35, 1.60, 0.45, 0.60, "botanical1", "oak"),
-    ]
+    artworks = (
+        ((0.62, 0.46), "contours1", "walnut", (-1.05, -_NORTH, 1.62, 180.0)),
+        ((0.48, 0.64), "rectangles1", "black", (-0.05, -_NORTH, 1.70, 180.0)),
+        ((0.74, 0.55), "landscape1", "gilt", (0.95, -_NORTH, 1.62, 180.0)),
+        ((0.60, 0.60), "swirls1", "black", (2.25, -_NORTH, 1.60, 180.0)),
+        ((0.45, 0.60), "botanical1", "oak", (-2.35, -_NORTH, 1.60, 180.0)),
+        ((1.05, 0.79), "city", "black", (_EAST, 0.85, 1.62, -90.0)),
+        ((0.42, 0.56), "botanical2", "oak", (_EAST, 2.25, 1.60, -90.0)),
+        ((0.78, 0.58), "landscape2", "gilt", (-_EAST, 0.10, 1.62, 90.0)),
+        ((0.50, 0.50), "swirls2", "oak", (-_EAST, -1.75, 1.60, 90.0)),
+        ((0.62, 0.46), "contours2", "walnut", (-_EAST, -0.85, 1.66, 90.0)),
+        ((0.40, 0.54), "rectangles2", "black", (-2.75, _NORTH, 1.65, 0.0)),
+    )
     parts: list[Part] = []
-    for x, z, w, h, artwork, frame in south:
-        parts += placed(framed_artwork(w, h, artwork, frame), x, -_NORTH, z, 180)
-    parts += placed(framed_artwork(1.05, 0.79, "city", "black"), _EAST, 0.85, 1.62, -90)
-    parts += placed(framed_artwork(0.42, 0.56, "botanical2", "oak"), _EAST, 2.25, 1.60, -90)
-    parts += placed(framed_artwork(0.78, 0.58, "landscape2", "gilt"), -_EAST, 0.10, 1.62, 90)
-    parts += placed(framed_artwork(0.50, 0.50, "swirls2", "oak"), -_EAST, -1.75, 1.60, 90)
-    parts += placed(framed_artwork(0.62, 0.46, "contours2", "walnut"), -_EAST, -0.85, 1.66, 90)
-    parts += placed(framed_artwork(0.40, 0.54, "rectangles2", "black"), -2.75, _NORTH, 1.65, 0)
-    parts += placed(wall_shelf(rng, 0.95, "oak", "books"), 2.45, _NORTH, 1.28)
-    parts += placed(clock(0.17, "clock", "brass"), 2.55, _NORTH, 1.95)
-    return parts + placed(door(0.9, 2.05, "sage", "white"), -_EAST, 1.5, 0, 90)
+    for size, artwork, frame, place in artworks:
+        parts += placed(props.framed_artwork(*size, artwork, frame), *place)
+    parts += placed(props.wall_shelf(rng, 0.95), 2.45, _NORTH, 1.28)
+    parts += placed(props.clock(0.17, "brass"), 2.55, _NORTH, 1.95)
+    return parts + placed(props.door(0.9, 2.05, "sage", "white"), -_EAST, 1.5, 0, 90)
 
 
 def _plants_and_lamps(rng: np.random.Generator) -> list[Part]:
     """Pot plants and the three lamps."""
-    parts = placed(palm(rng, 0.66, "fern"), 2.62, 2.15)
-    parts += placed(palm(rng, 0.20, "fern", pot_radius=0.07), -0.95, _NORTH + 0.03, WINDOW[2])
-    parts += placed(palm(rng, 0.24, "fern", pot_radius=0.07), 0.62, _NORTH + 0.03, WINDOW[2])
-    parts += placed(rubber_tree(rng, 1.25, "rubber"), -2.95, 2.55)
-    parts += placed(palm(rng, 0.42, "fern"), 2.80, -2.62)
-    parts += placed(pendant_lamp(0.55, 0.16), 0.1, 0.2, HEIGHT_M)
-    parts += placed(floor_lamp(1.62, "linen"), -1.45, -2.55)
-    return parts + placed(table_lamp("linen"), 3.27, 1.42, 0.78)
+    parts = placed(props.palm(rng, 0.66), 2.62, 2.15)
+    parts += placed(props.palm(rng, 0.20, pot_radius=0.07), -0.95, _NORTH + 0.03, WINDOW[2])
+    parts += placed(props.palm(rng, 0.24, pot_radius=0.07), 0.62, _NORTH + 0.03, WINDOW[2])
+    parts += placed(props.rubber_tree(rng, 1.25), -2.95, 2.55)
+    parts += placed(props.palm(rng, 0.42), 2.80, -2.62)
+    parts += placed(props.pendant_lamp(0.55, 0.16), 0.1, 0.2, HEIGHT_M)
+    parts += placed(props.floor_lamp(1.62), -1.45, -2.55)
+    return parts + placed(props.table_lamp(), 3.27, 1.42, 0.78)

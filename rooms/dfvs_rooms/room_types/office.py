@@ -4,18 +4,18 @@ import numpy as np
 
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.bookcases import bookcase
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
-from dfvs_rooms.generator.layout import Piece
+from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.solids import Part, box, cushion, lathe, panel, placed, tube
 
 
-def office(rng: np.random.Generator) -> Place:
+def office(rng: np.random.Generator) -> Layout:
     """Furnish an office."""
     layout = shell.drawn_layout(rng, (5.4, 6.8), (4.4, 5.4), (2.6, 2.9))
     shell.build_shell(layout, Finish("carpet", ("wall0", "wall1", "wall0", "wall0")))
-    openings = shell.add_windows(layout, WEST, (-1.2, 1.0), 1.55, (1.5, 1.3), panes=2)
+    shell.add_windows(layout, WEST, (-1.2, 1.0), 1.55, (1.5, 1.3), panes=2)
     layout.hang(shell.framed("whiteboard", (1.8, 1.2), "steel"), NORTH, -0.9, 1.55)
     layout.hang(shell.framed("noticeboard", (1.5, 1.0), "oak"), EAST, 0.9, 1.6)
     layout.stand(Piece.standing(props.door(0.95, 2.05, "oak", "white")), SOUTH, 1.8)
@@ -29,9 +29,9 @@ def office(rng: np.random.Generator) -> Place:
     for k in range(3):
         layout.hang(shell.framed(f"poster{k}", (0.42, 0.6), "black"), SOUTH, 0.9 * k - 1.9, 1.75)
     shell.scatter(layout, rng, (pieces.plant, pieces.cartons, pieces.seat), 4)
-    layout.hang(Piece.hanging(props.clock(0.17, "clock", "black")), SOUTH, 1.0, 2.2)
+    layout.hang(Piece.hanging(props.clock(0.17, "black")), SOUTH, 1.0, 2.2)
     shell.hang_lamps(layout, (2, 2), 0.45)
-    return Place(layout, openings)
+    return layout
 
 
 def _desks(rng: np.random.Generator) -> Piece:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.fittings import shell
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
@@ -12,7 +12,7 @@ from dfvs_rooms.generator.solids import Part, box, cushion, lathe, placed, tube
 _TILED_M = 1.25
 
 
-def passage(rng: np.random.Generator) -> Place:
+def passage(rng: np.random.Generator) -> Layout:
     """Furnish a corridor."""
     layout = shell.drawn_layout(rng, (8.5, 10.5), (2.7, 3.2), (2.8, 3.1))
     floor = str(rng.choice(["terrazzo", "flagstone"]))
@@ -21,12 +21,12 @@ def passage(rng: np.random.Generator) -> Place:
         reach = layout.walls[k].length_m / 2
         shell.clad(layout, k, (-reach, reach, 0.09, _TILED_M), "subway", 0.012)
         shell.clad(layout, k, (-reach, reach, _TILED_M, _TILED_M + 0.05), "sage", 0.02)
-    openings = shell.add_window(layout, WEST, (0.3, 1.75), (1.3, 0.95), panes=2)
+    shell.add_window(layout, WEST, (0.3, 1.75), (1.3, 0.95), panes=2)
     layout.stand(Piece.standing(_double_door()), EAST, 0.0)
     _north_side(layout, rng)
     _south_side(layout, rng)
     shell.hang_lamps(layout, (4, 1), 0.35)
-    return Place(layout, openings)
+    return layout
 
 
 def _north_side(layout: Layout, rng: np.random.Generator) -> None:
@@ -49,7 +49,7 @@ def _south_side(layout: Layout, rng: np.random.Generator) -> None:
         at = s * reach + float(rng.uniform(-0.2, 0.2))
         layout.stand(Piece.standing(_class_door(rng)), SOUTH, at)
         layout.hang(shell.framed(f"label{j}", (0.34, 0.085), "black"), SOUTH, at, 2.3)
-    layout.stand(Piece.standing(props.radiator(1.2, 0.5, "white")), SOUTH, 0.36 * reach)
+    layout.stand(Piece.standing(props.radiator(1.2, 0.5)), SOUTH, 0.36 * reach)
     layout.hang(Piece.hanging(_coats(rng)), SOUTH, -0.34 * reach, 1.6)
     layout.hang(shell.framed("noticeboard1", (1.0, 0.7), "oak"), SOUTH, 0.36 * reach, 1.95)
     layout.hang(Piece.hanging(_extinguisher()), SOUTH, 0.93 * reach, 0.9)

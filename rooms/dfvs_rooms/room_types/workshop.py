@@ -3,19 +3,19 @@
 import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell, tools
-from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.solids import Part, box, placed
+from dfvs_rooms.generator.solids import Part, box, corners, placed
 
 
-def workshop(rng: np.random.Generator) -> Place:
+def workshop(rng: np.random.Generator) -> Layout:
     """Furnish a workshop."""
     layout = shell.drawn_layout(rng, (6.0, 7.6), (4.8, 5.8), (2.9, 3.3))
     walls = ("bricks", "blockwork", "bricks", "wall0")
     shell.build_shell(layout, Finish("concrete", walls, skirting=""))
-    openings = shell.add_windows(layout, WEST, (-1.2, 1.0), 1.9, (1.6, 1.1), panes=4)
+    shell.add_windows(layout, WEST, (-1.2, 1.0), 1.9, (1.6, 1.1), panes=4)
     _benches(layout, rng)
     layout.stand(Piece.standing(props.door(1.1, 2.1, "sage", "metal")), SOUTH, 1.9)
     layout.stand(Piece.standing(tools.leaning_boards(rng, 8)), SOUTH, -0.2)
@@ -30,7 +30,7 @@ def workshop(rng: np.random.Generator) -> Place:
         size = (0.42, 0.58) if name.startswith("poster") else (0.8, 0.6)
         layout.on_wall(shell.framed(name, size, "oak" if k else "black"), (1.5, 1.9))
     shell.hang_lamps(layout, (3, 2), 0.6, shade="sage")
-    return Place(layout, openings)
+    return layout
 
 
 def _benches(layout: Layout, rng: np.random.Generator) -> None:
@@ -51,7 +51,7 @@ def _benches(layout: Layout, rng: np.random.Generator) -> None:
         for x in np.arange(-0.8, 0.85, 0.2):
             parts += placed(_paint_tin(rng), float(x), -0.12)
         layout.parts += shell.on_wall(layout, EAST, parts, 0.4, z)
-    clock = Piece.hanging(props.clock(0.18, "clock", "black"))
+    clock = Piece.hanging(props.clock(0.18, "black"))
     layout.hang(clock, EAST, 0.4, 2.45)
 
 
@@ -75,10 +75,8 @@ def _tin_rack(rng: np.random.Generator) -> Piece:
     """Steel shelves of paint tins."""
     width, depth, height = 1.5, 0.4, 1.9
     parts: list[Part] = []
-    for side in (-1, 1):
-        for end in (-1, 1):
-            post = (side * (width / 2 - 0.02), end * (depth / 2 - 0.02), 0)
-            parts += box((0.04, 0.04, height), post, "metal", skip="-z", edge_m=0.15)
+    for post in corners(width / 2 - 0.02, depth / 2 - 0.02):
+        parts += box((0.04, 0.04, height), (*post, 0), "metal", skip="-z", edge_m=0.15)
     for z in np.linspace(0.12, height - 0.35, 4):
         parts += box((width, depth, 0.03), (0, 0, float(z)), "metal", edge_m=0.12)
         for x in np.arange(-width / 2 + 0.12, width / 2 - 0.1, 0.19):

@@ -16,6 +16,9 @@ from dfvs_rooms.surfaces.textures import (
     warped,
 )
 
+SPINES = 24
+"""Books in an image of spines."""
+
 
 def landscape(rng: np.random.Generator, shape: tuple[int, int] = (288, 384)) -> Float32Array:
     """Hills behind hills under an evening sky."""
@@ -166,11 +169,11 @@ def _canvas(rng: np.random.Generator, image: Float32Array) -> Float32Array:
     return shaded(image, grain)
 
 
-def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
-    """Spines of ``count`` books side by side, with bands and lettering."""
+def book_spines(rng: np.random.Generator) -> Float32Array:
+    """Spines of ``SPINES`` books side by side, with bands and lettering."""
     height, width = SIZE_PX // 2, 2 * SIZE_PX
     image = np.zeros((height, width, 3), np.float32)
-    bounds = np.linspace(0, width, count + 1).astype(int)
+    bounds = np.linspace(0, width, SPINES + 1).astype(int)
     hues = np.array(
         [
             (0.45, 0.10, 0.10), (0.10, 0.20, 0.38), (0.12, 0.32, 0.22), (0.80, 0.72, 0.55),

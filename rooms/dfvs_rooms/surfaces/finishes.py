@@ -116,7 +116,7 @@ def scattered(
                 points = (outline @ R.T + at + [shift_x, shift_y]) * 16
                 polygon = np.rint(points).astype(np.int32)
                 cv2.fillConvexPoly(image, polygon, colour.tolist(), cv2.LINE_AA, 4)
-    return (image / np.float32(255.0)).astype(np.float32)
+    return textures.floats(image)
 
 
 def _wraps(at: float, reach: float, size: int) -> list[int]:
@@ -153,16 +153,11 @@ def gravel(rng: np.random.Generator) -> Float32Array:
 
 def ivy(rng: np.random.Generator, green: Colour) -> Float32Array:
     """Leaves upon leaves, as on an overgrown wall."""
-    base = shaded(_times(green, 0.35), 1.0 + 0.2 * noise(rng, slope=0.7))
+    base = shaded(textures.brightened(green, 0.35), 1.0 + 0.2 * noise(rng, slope=0.7))
     leaf = np.array([(-11, 0), (-6, -7), (0, -9), (8, -5), (13, 0), (8, 5), (0, 9), (-6, 7)])
-    tones = [_times(green, factor) for factor in (0.75, 0.95, 1.15, 1.35)]
+    tones = [textures.brightened(green, factor) for factor in (0.75, 0.95, 1.15, 1.35)]
     image = scattered(rng, base, leaf.astype(np.float64), 2600, tones)
     return shaded(image, 1.0 + 0.06 * noise(rng, slope=0.5, band=(16.0, 256.0)))
-
-
-def _times(colour: Colour, factor: float) -> Colour:
-    r, g, b = (min(1.0, factor * c) for c in colour)
-    return r, g, b
 
 
 def marble(rng: np.random.Generator, ground: Colour, vein: Colour) -> Float32Array:
@@ -191,7 +186,7 @@ def concrete(rng: np.random.Generator, colour: Colour) -> Float32Array:
 
 def pegboard(rng: np.random.Generator, colour: Colour) -> Float32Array:
     """Painted board with a grid of holes, 20 x 20 to the image."""
-    x, y = textures.coordinates((SIZE_PX, SIZE_PX))
+    x, y = textures.coordinates()
     hole = smoothstep(0.17, 0.12, np.hypot((x * 20) % 1 - 0.5, (y * 20) % 1 - 0.5))
     image = textures.paint(rng, colour)
     return blend(image, (0.10, 0.09, 0.08), 0.85 * hole)
@@ -199,7 +194,7 @@ def pegboard(rng: np.random.Generator, colour: Colour) -> Float32Array:
 
 def wainscot(rng: np.random.Generator, colour: Colour) -> Float32Array:
     """Tongue-and-groove boarding, upright, 12 boards to the image."""
-    x, _ = textures.coordinates((SIZE_PX, SIZE_PX))
+    x, _ = textures.coordinates()
     u = (x * 12) % 1
     groove = 1.0 - 0.35 * smoothstep(0.05, 0.015, np.minimum(u, 1 - u))
     tone = rng.normal(1.0, 0.015, 12)[np.floor(x * 12).astype(int)]

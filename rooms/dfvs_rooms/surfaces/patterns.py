@@ -1,7 +1,5 @@
 """Printed and knotted patterns: wallpaper, a rug, patterned cloth."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array
@@ -26,7 +24,7 @@ RED, NAVY, CREAM, GOLD = (
 
 def wallpaper(rng: np.random.Generator, ground: Colour, motif: Colour) -> Float32Array:
     """Mirrored tendrils and leaves in the manner of a damask, repeating."""
-    x, y = coordinates((SIZE_PX, SIZE_PX))
+    x, y = coordinates()
     out = np.zeros((SIZE_PX, SIZE_PX), np.float32)
     for cx, cy in ((0.25, 0.25), (0.75, 0.75)):
         dx = np.abs((x - cx + 0.5) % 1.0 - 0.5)
@@ -48,9 +46,7 @@ def wallpaper(rng: np.random.Generator, ground: Colour, motif: Colour) -> Float3
         bud = np.hypot(dx / 0.6, np.abs(dy) - 0.235) - 0.026
         out = np.maximum(out, smoothstep(0.006, -0.006, bud))
     wear = 0.88 + 0.12 * smoothstep(-1.5, 0.5, noise(rng, slope=0.8, band=(4.0, 120.0)))
-    image = blend(
-        np.full((SIZE_PX, SIZE_PX, 3), ground, np.float32), motif, out.astype(np.float32) * wear
-    )
+    image = blend(ground, motif, out.astype(np.float32) * wear)
     paper = (
         1 + 0.025 * noise(rng, slope=0.2, band=(40.0, 256.0)) + 0.02 * noise(rng, band=(2.0, 12.0))
     )
@@ -76,7 +72,7 @@ def rug(rng: np.random.Generator) -> Float32Array:
     for size, colour in ((0.46, GOLD), (0.435, NAVY), (0.30, CREAM), (0.27, NAVY), (0.12, GOLD)):
         wave = size * (1 + 0.06 * np.cos(20 * turn))
         image = blend(image, colour, smoothstep(0.010, -0.010, corner - wave) * (edge > 0.3))
-    image = _rug_border(image, edge, (a, b), (NAVY, CREAM, GOLD, RED))
+    image = _rug_border(image, edge, a, b)
     knots = noise(rng, shape, slope=0.1, band=(60.0, 380.0))
     abrash = noise(rng, shape, slope=1.2, band=(2.0, 40.0), stretch=(4.0, 1.0))
     light = 1 + 0.10 * knots + 0.06 * abrash
@@ -121,32 +117,27 @@ def _rosettes(
 
 
 def _rug_border(
-    image: Float32Array,
-    edge: Float32Array,
-    ab: tuple[Float32Array, Float32Array],
-    colours: Sequence[Colour],
+    image: Float32Array, edge: Float32Array, a: Float32Array, b: Float32Array
 ) -> Float32Array:
-    """Bands along the edge of the rug; edge (H, W) is the distance from it."""
-    navy, cream, gold, red = colours
-    a, b = ab
+    """Bands along the edge of the rug; edge (H, W) is the distance from it, a, b as above."""
     along = np.where(1.5 - a < 1.0 - b, 0.81 - b, 1.31 - a)
-    for width, colour in ((0.30, gold), (0.285, navy), (0.095, cream), (0.08, red), (0.03, navy)):
+    for width, colour in ((0.30, GOLD), (0.285, NAVY), (0.095, CREAM), (0.08, RED), (0.03, NAVY)):
         image = blend(image, colour, (edge < width).astype(np.float32))
     across = (edge - 0.19) / 0.1
     rosette = np.hypot(((along * 5.0 + 0.5) % 1.0 - 0.5) * 2.0, across)
     inside = (np.abs(across) < 0.9).astype(np.float32)
-    image = blend(image, red, smoothstep(0.75, 0.68, rosette) * inside)
-    image = blend(image, cream, smoothstep(0.45, 0.40, rosette) * inside)
-    image = blend(image, gold, smoothstep(0.2, 0.15, rosette) * inside)
+    image = blend(image, RED, smoothstep(0.75, 0.68, rosette) * inside)
+    image = blend(image, CREAM, smoothstep(0.45, 0.40, rosette) * inside)
+    image = blend(image, GOLD, smoothstep(0.2, 0.15, rosette) * inside)
     diamonds = np.abs((along * 20.0) % 1.0 - 0.5) + np.abs(edge - 0.055) / 0.05
-    return blend(image, cream, smoothstep(0.5, 0.42, diamonds))
+    return blend(image, CREAM, smoothstep(0.5, 0.42, diamonds))
 
 
 def pattern_cloth(
     rng: np.random.Generator, kind: str, first: Colour, second: Colour
 ) -> Float32Array:
     """Printed cloth: ``chevron``, ``dots``, ``stripes`` or ``ikat``."""
-    x, y = coordinates((SIZE_PX, SIZE_PX))
+    x, y = coordinates()
     if kind == "chevron":
         mask = ((y * 10 + np.abs((x * 8) % 1 - 0.5)) % 1 < 0.5).astype(np.float32)
     elif kind == "dots":
@@ -161,7 +152,5 @@ def pattern_cloth(
             -0.2, 0.2, np.cos(2 * np.pi * 3 * d) + 0.3 * noise(rng, slope=0.5, band=(20, 200))
         )
     base = cloth(rng, (1.0, 1.0, 1.0), 128) * 0.92
-    image = blend(
-        np.full((SIZE_PX, SIZE_PX, 3), first, np.float32), second, mask.astype(np.float32)
-    )
+    image = blend(first, second, mask.astype(np.float32))
     return np.clip(image * base, 0, 1).astype(np.float32)

@@ -13,6 +13,7 @@ from dfvs_rooms.surfaces.textures import (
     Colour,
     blend,
     coordinates,
+    floats,
     noise,
     ramp,
     smoothstep,
@@ -35,10 +36,6 @@ def _bytes(colour: Colour) -> tuple[int, int, int]:
     """Colour of 0 to 1 as 0 to 255, as OpenCV draws it."""
     r, g, b = (round(255 * min(max(c, 0.0), 1.0)) for c in colour)
     return r, g, b
-
-
-def _floats(image: ImageArray) -> Float32Array:
-    return (image / np.float32(255.0)).astype(np.float32)
 
 
 def _written(
@@ -85,7 +82,7 @@ def noticeboard(rng: np.random.Generator) -> Float32Array:
         cv2.circle(
             image, (x + w // 2, y + 6), 5, _bytes(_INKS[int(rng.integers(1, 4))]), -1, cv2.LINE_AA
         )
-    return _floats(image)
+    return floats(image)
 
 
 def whiteboard(rng: np.random.Generator) -> Float32Array:
@@ -108,7 +105,7 @@ def whiteboard(rng: np.random.Generator) -> Float32Array:
         curve = 70 * np.sin(2 * np.pi * (rng.uniform(0.5, 2.5) * t + rng.random())) * (1 - t)
         points = np.stack([40 + 300 * t, height - 120 + curve], 1).astype(np.int32)
         cv2.polylines(image, [points], False, _bytes(ink), 3, cv2.LINE_AA)
-    return _floats(image)
+    return floats(image)
 
 
 def menu_board(rng: np.random.Generator) -> Float32Array:
@@ -119,7 +116,7 @@ def menu_board(rng: np.random.Generator) -> Float32Array:
     for k in range(3):
         left = 20 + k * (width - 20) // 3
         _written(image, (left, 15, left + width // 3 - 40, height - 20), (0.88, 0.87, 0.82), rng)
-    return _floats(image)
+    return floats(image)
 
 
 def poster(rng: np.random.Generator) -> Float32Array:
@@ -130,7 +127,7 @@ def poster(rng: np.random.Generator) -> Float32Array:
     image: ImageArray = np.full((384, 272, 3), paper, np.uint8)
     image[14:240, 14:258] = cv2.resize(textures.pixels(painting), (244, 226))
     _written(image, (14, 245, 258, 372), _INKS[int(rng.integers(len(_INKS)))], rng)
-    return _floats(image)
+    return floats(image)
 
 
 def label(rng: np.random.Generator, colour: Colour) -> Float32Array:
@@ -141,7 +138,7 @@ def label(rng: np.random.Generator, colour: Colour) -> Float32Array:
     for left in (30, 286):
         image[24:106, left : left + 190] = paper
         _written(image, (left, 22, left + 186, 104), _INKS[int(rng.integers(len(_INKS)))], rng)
-    return textures.shaded(_floats(image), 1 + 0.03 * noise(rng, (128, 512), slope=0.8))
+    return textures.shaded(floats(image), 1 + 0.03 * noise(rng, (128, 512), slope=0.8))
 
 
 def files(rng: np.random.Generator) -> Float32Array:
@@ -157,7 +154,7 @@ def files(rng: np.random.Generator) -> Float32Array:
             end = left + int(rng.integers(16, 34))
             cv2.line(image, (left + 10, y), (end, y), (40, 42, 60), 2, cv2.LINE_AA)
         cv2.circle(image, (left + 21, 205), 11, (185, 185, 188), 3, cv2.LINE_AA)
-    return textures.shaded(_floats(image), 1 + 0.03 * noise(rng, (height, width), slope=0.8))
+    return textures.shaded(floats(image), 1 + 0.03 * noise(rng, (height, width), slope=0.8))
 
 
 def drawing(rng: np.random.Generator) -> Float32Array:
@@ -176,7 +173,7 @@ def drawing(rng: np.random.Generator) -> Float32Array:
         cv2.circle(image, (x + w // 2, y + h // 2), max(4, h // 3), line, 1, cv2.LINE_AA)
         cv2.line(image, (x, y + h + 10), (x + w, y + h + 10), line, 1, cv2.LINE_AA)
     _written(image, (360, 270, 500, 376), white, rng)
-    return _floats(image)
+    return floats(image)
 
 
 def sky(rng: np.random.Generator) -> Float32Array:

@@ -41,7 +41,9 @@ def noise(
     return np.asarray(field, dtype=np.float32)
 
 
-def coordinates(shape: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
+def coordinates(
+    shape: tuple[int, int] = (SIZE_PX, SIZE_PX),
+) -> tuple[Float32Array, Float32Array]:
     """Positions x and y (H, W) of pixel centres, 0 to 1, y downwards."""
     y, x = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
     return (x + 0.5) / shape[1], (y + 0.5) / shape[0]
@@ -74,10 +76,12 @@ def smoothstep(low: float, high: float, x: NDArray[np.floating[Any]]) -> Float32
     return np.asarray(t * t * (3.0 - 2.0 * t), dtype=np.float32)
 
 
-def blend(under: Float32Array, over: Float32Array | Colour, mask: Float32Array) -> Float32Array:
-    """Put ``over`` on ``under`` where mask (H, W) is 1."""
+def blend(
+    under: Float32Array | Colour, over: Float32Array | Colour, mask: Float32Array
+) -> Float32Array:
+    """Put ``over`` on ``under`` where mask (H, W) is 1; each an image (H, W, 3) or one colour."""
     m = mask[..., None]
-    mixed = under * (1.0 - m) + np.asarray(over, dtype=np.float32) * m
+    mixed = np.asarray(under, np.float32) * (1.0 - m) + np.asarray(over, np.float32) * m
     return np.asarray(mixed, dtype=np.float32)
 
 
@@ -97,6 +101,17 @@ def halved(image: Float32Array) -> Float32Array:
 def pixels(image: Float32Array) -> ImageArray:
     """Image as uint8 RGB."""
     return np.asarray(np.rint(np.clip(image, 0.0, 1.0) * 255.0), dtype=np.uint8)
+
+
+def floats(image: ImageArray) -> Float32Array:
+    """Image of uint8 as 0 to 1."""
+    return (image / np.float32(255.0)).astype(np.float32)
+
+
+def brightened(colour: Colour, factor: float) -> Colour:
+    """Colour times a factor, cut at 1."""
+    r, g, b = (min(1.0, factor * c) for c in colour)
+    return r, g, b
 
 
 def plaster(rng: np.random.Generator, colour: Colour, contrast: float = 1.0) -> Float32Array:
@@ -158,8 +173,9 @@ OAK: tuple[Colour, ...] = ((0.78, 0.60, 0.40), (0.70, 0.50, 0.31), (0.56, 0.38, 
 WALNUT: tuple[Colour, ...] = ((0.50, 0.34, 0.23), (0.40, 0.26, 0.17), (0.27, 0.17, 0.11))
 
 
-def planks(rng: np.random.Generator, count: int = 12, size: int = 2 * SIZE_PX) -> Float32Array:
+def planks(rng: np.random.Generator) -> Float32Array:
     """Oak floor, planks along x, each cut from another place of the tree."""
+    count, size = 12, 2 * SIZE_PX
     board = np.tile(wood(rng, OAK), (2, 4, 1))
     out = np.empty((size, size, 3), np.float32)
     for k in range(count):

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dfvs_export.cli import main
-from dfvs_rooms.pairs.files import write_arrays
+from dfvs_rooms.pairs.evaluation import write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from dfvs_rooms.generator.outdoors import Sky
-from dfvs_rooms.generator.solids import box, merged, panel
+from dfvs_rooms.generator.room import Sky
+from dfvs_rooms.generator.solids import box, panel
 from dfvs_rooms.lighting.daylight import sky_irradiance
-from dfvs_rooms.lighting.fast import _blockers
-from dfvs_sim.render.renderer import Renderer
+from dfvs_rooms.lighting.fast import blockers
 from dfvs_sim.scene.frames import ned_from_room
 
 # the sun stands in the south, 45 degrees high
@@ -17,12 +16,9 @@ FLOOR = panel((-3, -3, 0), (6, 0, 0), (0, 6, 0), "floor", edge_m=0.25)
 
 def light_on_floor(*parts):
     """Irradiance (rows, columns, 3) on the floor, rows to the north, with parts in the way."""
-    vertices, triangles = merged([FLOOR, *parts])
-    blockers = Renderer(_blockers(ned_from_room(vertices), triangles))
     points = ned_from_room(FLOOR.vertices + np.array([0.0, 0.0, 0.012]))
-    rng = np.random.default_rng(1)
-    light = sky_irradiance(SKY, points, ned_from_room(FLOOR.normals), blockers, rng)
-    return light.reshape(25, 25, 3)
+    place, rng = (points, ned_from_room(FLOOR.normals)), np.random.default_rng(1)
+    return sky_irradiance(SKY, *place, blockers([FLOOR, *parts]), rng).reshape(25, 25, 3)
 
 
 def test_an_open_floor_gets_all_of_the_sun_and_of_the_sky():
@@ -46,8 +42,6 @@ def test_a_wall_throws_a_shadow_away_from_the_sun_as_long_as_it_is_high():
 
 def test_what_turns_away_from_the_sky_stays_dark():
     ceiling = panel((-3, 3, 0), (6, 0, 0), (0, -6, 0), "ceiling")
-    points, normals = ned_from_room(ceiling.vertices), ned_from_room(ceiling.normals)
-    vertices, triangles = merged([ceiling])
-    blockers = Renderer(_blockers(ned_from_room(vertices), triangles))
-    light = sky_irradiance(SKY, points, normals, blockers, np.random.default_rng(1))
+    place = (ned_from_room(ceiling.vertices), ned_from_room(ceiling.normals))
+    light = sky_irradiance(SKY, *place, blockers([ceiling]), np.random.default_rng(1))
     assert light.max() == pytest.approx(0.0)

@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,8 +14,7 @@ from dfvs_rooms.fittings.natural import natural_materials
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
 from dfvs_rooms.lighting.bake import lit_scene
-from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES
-from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
+from dfvs_rooms.room_types.room_types import PLACES, REPETITIVE_PLACES, ROOM_KINDS, room_of_kind
 from dfvs_rooms.surfaces.materials import kind_of
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
@@ -48,14 +48,14 @@ def place(kind):
 @functools.cache
 def materials():
     """One material of every kind that any place is of."""
-    names = {kind_of(part.material) for kind in ALL_PLACES for part in place(kind).layout.parts}
+    names = {kind_of(part.material) for kind in ALL_PLACES for part in place(kind).parts}
     return natural_materials(names, np.random.default_rng(1))
 
 
 @functools.cache
 def seen(kind):
     """The place with its materials in even light."""
-    parts = [part.of(kind_of(part.material)) for part in place(kind).layout.parts]
+    parts = [replace(p, material=kind_of(p.material)) for p in place(kind).parts]
     room = Room(tuple(joined(parts)), materials(), sky=place(kind).sky)
     return Renderer(lit_scene(room, [np.full_like(part.vertices, 1.0) for part in room.parts]))
 
@@ -75,21 +75,21 @@ def free_points(kind):
 class TestEveryPlace:
     def test_is_decided_by_its_seed(self, kind):
         again = ALL_PLACES[kind](np.random.default_rng(SEED))
-        assert len(again.layout.parts) == len(place(kind).layout.parts)
-        for one, same in zip(place(kind).layout.parts, again.layout.parts, strict=True):
+        assert len(again.parts) == len(place(kind).parts)
+        for one, same in zip(place(kind).parts, again.parts, strict=True):
             np.testing.assert_array_equal(one.vertices, same.vertices)
 
     def test_is_lit_and_light_enough_to_draw(self, kind):
-        parts, sky = place(kind).layout.parts, place(kind).sky
+        parts, sky = place(kind).parts, place(kind).sky
         assert any(part.emission > 0 for part in parts) or sky is not None
         assert sum(len(part.triangles) for part in parts) < 160_000
         assert (sky is not None) == (kind == "courtyard")
 
     def test_has_what_it_is_known_by(self, kind):
-        assert CENTREPIECES[kind] <= {kind_of(part.material) for part in place(kind).layout.parts}
+        assert CENTREPIECES[kind] <= {kind_of(part.material) for part in place(kind).parts}
 
     def test_stays_inside_its_walls(self, kind):
-        layout = place(kind).layout
+        layout = place(kind)
         solid = [p for p in layout.parts if kind_of(p.material) not in REACHING_OUT]
         points = np.concatenate([part.vertices for part in solid])
         assert (np.abs(points[:, :2]) <= layout.half + 2e-3).all()
@@ -128,13 +128,13 @@ def test_all_places_can_be_asked_for_by_name():
 
 @pytest.mark.parametrize("seed", [0, 4, 7])
 def test_tools_hang_over_the_bench_however_high_things_stand_on_it(seed):
-    parts = PLACES["workshop"](np.random.default_rng(seed)).layout.parts
+    parts = PLACES["workshop"](np.random.default_rng(seed)).parts
     assert "pegboard" in {part.material for part in parts}
 
 
 def test_two_seeds_make_two_kitchens():
     other = PLACES["kitchen"](np.random.default_rng(SEED + 1))
-    assert not np.array_equal(other.layout.half, place("kitchen").layout.half)
+    assert not np.array_equal(other.half, place("kitchen").half)
 
 
 def test_no_material_is_blank():
@@ -147,5 +147,5 @@ def test_the_sky_is_above_and_the_sun_shines_down():
     courtyard = place("courtyard")
     assert courtyard.sky.to_sun[2] > 0.6
     assert ned_from_room(courtyard.sky.to_sun)[2] < -0.6
-    dome = next(part for part in courtyard.layout.parts if part.material == "sky")
-    assert dome.vertices[:, 2].max() > 2 * courtyard.layout.height_m
+    dome = next(part for part in courtyard.parts if part.material == "sky")
+    assert dome.vertices[:, 2].max() > 2 * courtyard.height_m

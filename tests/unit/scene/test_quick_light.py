@@ -1,10 +1,12 @@
 """Quick light against what theory says of lamps, shadows and closed rooms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dfvs_rooms.generator.room import Opening, Room
-from dfvs_rooms.generator.solids import Part, box, panel, sphere
+from dfvs_rooms.generator.solids import box, panel, sphere
 from dfvs_rooms.lighting.bake import light_room
 from dfvs_rooms.lighting.fast import fast_irradiance
 from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE
@@ -19,8 +21,7 @@ INTENSITY = np.pi * (0.98 * RADIUS_M) ** 2 * LAMP_RADIANCE[0]
 
 
 def lamp(*centre):
-    ball = sphere(RADIUS_M, centre, "globe")
-    return Part(ball.vertices, ball.normals, ball.uv, ball.triangles, "globe", emission=1.0)
+    return replace(sphere(RADIUS_M, centre, "globe"), emission=1.0)
 
 
 def floor(edge_m=0.1):
@@ -49,7 +50,7 @@ def test_in_a_closed_room_is_what_the_walls_have_not_swallowed():
     inside = []
     for part in box((3.0, 2.0, 2.5), (0, 0, 0), "grey", edge_m=0.12):
         turned = part.triangles[:, ::-1].copy()
-        inside.append(Part(part.vertices, -part.normals, part.uv, turned, "grey"))
+        inside.append(replace(part, normals=-part.normals, triangles=turned))
     room = Room((*inside, lamp(0.2, 0.1, 1.6)), MATERIALS)
     light = fast_irradiance(room, seed=0)[:-1]
     total = sum(flux(part, value) for part, value in zip(inside, light, strict=True))

@@ -64,9 +64,10 @@ def test_a_room_without_a_pair_is_named_and_gets_no_file(tmp_path, monkeypatch, 
 def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
     made = []
     monkeypatch.setattr(pairs, "room_of_kind", lambda kind, seed: made.append((kind, seed)))
+    monkeypatch.setattr(pairs, "light_room", lambda room, seed: None)
     kinds = ("kitchen", "courtyard", "study")
     for seed in range(40):
-        pairs._room(seed, kinds)
+        pairs._lit_room(seed, kinds)
     assert [seed for _, seed in made] == list(range(40))
     assert {kind for kind, _ in made} == set(kinds)
 
