@@ -15,12 +15,13 @@ from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose, so3_log
+from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal
+from dfvs_core.perception.frame_load import FrameLoad
 from dfvs_core.perception.frame_result import STAGES, FrameResult
 from dfvs_core.perception.goal_preview import (
     GoalView,
@@ -32,6 +33,7 @@ from dfvs_core.perception.goal_preview import (
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
+from dfvs_core.perception.odometry import frame_odometry
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
@@ -49,10 +51,6 @@ from dfvs_core.servo.task import ServoTask
 
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
-PATIENCE_NS = 600_000_000
-"""So long what is done between frames waits for them to be on time again."""
-LATE_NS = 200_000_000
-"""Age from which on a report is too late for the gate."""
 
 _NO_FLOW = empty_flow((0, 0))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
@@ -95,7 +93,8 @@ class Pipeline:
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
-        self._period_ns = self._processing_ns = self._depth_ns = self._worked_ns = 0
+        self._load = FrameLoad()
+        self._depth_ns = 0
         self._depth_m = task.config.constant_depth_m
         self._state = ServoState()
         self.observed_ns: int | None = None
@@ -190,7 +189,8 @@ class Pipeline:
         earlier = self._compare(features, T_world_camera, last)
 
         # 4. Servo: level, depth, pose, velocity.
-        velocity, motion_m = self._odometry(motion, T_world_camera)
+        is_level = self._task.mount is not None
+        velocity, motion_m = frame_odometry(motion, T_world_camera, self._last, is_level=is_level)
         inputs = ServoInputs(
             now_ns=self._tick(),
             t_capture_ns=t_ns,
@@ -211,7 +211,7 @@ class Pipeline:
         marks.append(self._tick())
 
         t_arrival_ns = t_ns if frame.t_arrival_ns is None else frame.t_arrival_ns
-        self._processing_ns = inputs.now_ns - t_arrival_ns
+        self._load.processing_ns = inputs.now_ns - t_arrival_ns
         self._remember(inputs, features, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
@@ -226,7 +226,7 @@ class Pipeline:
         """
         start_ns, last = self._tick(), self._last
         has_begun = self._verifier.is_comparing or self._tracker.is_extending
-        if last is None or (self._is_pressed(last) and not has_begun):
+        if last is None or (self._load.is_high(last) and not has_begun):
             return 0
         has_worked = (
             self._verifier.compare()
@@ -235,35 +235,8 @@ class Pipeline:
         )
         if not has_worked:
             return 0
-        self._worked_ns = last.t_capture_ns
+        self._load.worked_ns = last.t_capture_ns
         return self._tick() - start_ns
-
-    def _odometry(
-        self, motion: Motion, T_world_camera: FloatArray
-    ) -> tuple[FloatArray, tuple[float, float, float]]:
-        """Velocity (d,) in the task's basis; motion from the last frame, m, in its optical axes."""
-        R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
-        if self._last is not None:
-            R_last = self._last.T_world_camera[:3, :3]
-            moved = R_last.T @ (T_world_camera[:3, 3] - self._last.T_world_camera[:3, 3])
-            if (since_ns := motion.t_ns - self._last.t_capture_ns) > 0:
-                turning = so3_log(R_last.T @ R) / (since_ns * 1e-9)
-        x, y, z = moved.tolist()
-        if self._task.mount is not None:
-            return motion.level_velocity(), (x, y, z)
-        return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
-
-    def _is_pressed(self, last: Keyframe) -> bool:
-        """Whether frames are late: their processing does not keep up, or takes too long.
-
-        It counts from a frame's arrival: transport delays no other frame. What is done between
-        frames takes as long as a frame, and the next report is so much older.
-        """
-        t_ns = last.t_capture_ns
-        if t_ns - self._worked_ns >= PATIENCE_NS or self._period_ns == 0:
-            return False
-        next_age_ns = last.inputs.now_ns - t_ns + self._processing_ns
-        return self._processing_ns >= self._period_ns or next_age_ns >= LATE_NS
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
@@ -314,7 +287,7 @@ class Pipeline:
             self._state = self._state.without_goal()
         if self._last is not None:
             self._tracker.release(self._last.features)
-            self._period_ns = t_ns - self._last.t_capture_ns
+            self._load.period_ns = t_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False, paused=False)

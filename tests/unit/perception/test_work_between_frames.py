@@ -7,7 +7,8 @@ from still_pipeline import StillMatcher, pipeline, servo_result
 
 from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.messages.frame import Frame
-from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS, PATIENCE_NS
+from dfvs_core.perception.frame_load import PATIENCE_NS
+from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS
 from dfvs_core.perception.vehicle_history import Motion
 
 MS = 1_000_000
