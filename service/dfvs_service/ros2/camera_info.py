@@ -11,7 +11,7 @@ _LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "": (0,)}
 
 
 def camera_of(info: Any, is_rectified: bool) -> CameraModel | None:
-    """Camera that a CameraInfo describes, None where it is not calibrated (K or P is zero).
+    """Camera that a CameraInfo describes, None where it is not calibrated (K is zero).
 
     A rectified image is that of the projection matrix P and has no distortion any more; a raw one
     is that of K and D.
@@ -19,13 +19,20 @@ def camera_of(info: Any, is_rectified: bool) -> CameraModel | None:
     Raises
     ------
     WireError
-        If it describes a lens or a part of an image that our model cannot hold.
+        If it describes a lens or a part of an image that our model cannot hold, or lacks the P of
+        a rectified image.
     GeometryError
         If its numbers are no camera's.
     """
     matrix = info.p.reshape(3, 4) if is_rectified else info.k.reshape(3, 3)
     (fx, _, cx), (_, fy, cy) = matrix[:2, :3].tolist()
     if fx == 0.0:
+        if info.k[0] != 0.0:
+            raise WireError(
+                "CameraInfo of a rectified image without a projection matrix",
+                "P filled in, as camera_calibration does",
+                "set the intrinsics in the settings' [camera] section",
+            )
         return None
     roi = info.roi
     if max(info.binning_x, info.binning_y) > 1 or any((roi.x_offset, roi.y_offset)):

@@ -229,7 +229,9 @@ def test_a_rectified_image_is_that_of_the_projection_matrix_without_distortion(n
     intake = Rig(link="bridge", topic=f"drone1/camera/{name}").intake
     assert intake.calibration_key == "drone1/camera/camera_info"
     assert intake.camera(info) == CameraModel(640, 480, 400.0, 410.0, 300.0, 230.0)
-    assert intake.camera(info_message((640, 480), K)) is None
+    assert intake.camera(info_message((640, 480), [0.0] * 9)) is None
+    with pytest.raises(WireError, match="without a projection matrix"):
+        intake.camera(info_message((640, 480), K))
 
 
 @pytest.mark.parametrize(
