@@ -133,7 +133,7 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
     for name in ("json", "csv", *more):
         require_file(f"--{name}", getattr(args, name))
     require_folder("--runs", args.runs)
-    if args.runs is not None and args.runs.is_file():
+    if args.runs is not None and args.runs.exists() and not args.runs.is_dir():
         raise ConfigError(f"--runs {args.runs} is a file", "a folder, or a new name")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.commands.fuzz_run import ProgressLine
 from dfvs_robustness.fuzz.frames.decoding import FrameOutcome, corpus_of, feed_all, hostile_frame
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import require_file, require_range, write_json
 
 MOST_TIME = 20.0
 """Longest time of any frame, as a multiple of the 99th percentile of good ones."""
@@ -55,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     require_range(args, 1, None, "count", "workers")
+    require_file("--json", args.json)
     if args.seed < 0 or (args.show or 0) < 0:
         raise ConfigError(f"--seed {args.seed} --show {args.show}", "0 or more")
     if args.show is not None:

@@ -11,7 +11,7 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.finding import ReplayFormat
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import require_file, require_range, write_json
 
 T = TypeVar("T", bound=Tally)
 E = TypeVar("E")
@@ -101,6 +101,7 @@ class FuzzCommand(Generic[T, E]):
             return 0 if violation is None else 1
         require_range(args, 1, None, "events", "workers")
         require_range(args, 0, None, "seed")
+        require_file("--json", args.json)
         if not args.out.is_dir():
             raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
         began_s = time.monotonic()

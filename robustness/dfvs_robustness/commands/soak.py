@@ -17,6 +17,7 @@ from dfvs_sim.options import (
     add_camera_options,
     add_scene_option,
     camera_from,
+    require_file,
     require_range,
     write_json,
 )
@@ -62,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     """
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
+    require_file("--json", args.json)
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

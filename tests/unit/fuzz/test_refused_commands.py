@@ -4,6 +4,8 @@ import pytest
 
 from dfvs_robustness.cli import main
 
+FOLDER_FOR_FILE = ("answers", "faults", "fuzz commands", "fuzz frames", "fuzz gate", "soak")
+
 
 @pytest.mark.parametrize(
     ("command", "option", "value"),
@@ -23,6 +25,8 @@ from dfvs_robustness.cli import main
         ("answers", "--tries", 0),
         ("answers", "--seconds", 0.5),
         ("answers", "--json", "no/such/folder/a.json"),
+        *((command, "--json", ".") for command in FOLDER_FOR_FILE),
+        ("faults", "--html", "."),
     ],
 )
 def test_an_impossible_option_is_named(command, option, value, refused, tmp_path, monkeypatch):

@@ -22,6 +22,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--fov", "200"), "field of view"),
         (("--runs", "0"), "--runs is 0"),
         (("--json", "/nowhere/at/all.json"), "--json"),
+        (("--json", "."), "--json . is a folder"),
         (("--rate", "0"), "--rate is 0"),
         (("--vehicles", "5"), "--vehicles is 5; expected 1 to 4"),
         (("--vehicles", "0"), "--vehicles is 0; expected 1 to 4"),
