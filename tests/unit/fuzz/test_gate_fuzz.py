@@ -117,6 +117,10 @@ def holds_in_servo_alone(old):
     return lambda self, cause: old(self, cause) if self.state is GateState.SERVO else None
 
 
+def takes_reports_about_any_goal(old):
+    return lambda self, report, t_ns: old(self, dataclasses.replace(report, goal=self.goal), t_ns)
+
+
 def forgets_old_status(old):
     def flight_fault(*args):
         fault = old(*args)
@@ -153,6 +157,7 @@ BROKEN = [
     ("I4", GateMachine, "_invalidate_perception", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
+    ("I4", PerceptionMonitor, "update", takes_reports_about_any_goal),
     ("I4", perception_monitor, "is_late", lambda old: forever(False)),
     ("I4", PerceptionMonitor, "mounting_fault", lambda old: forever(None)),
     ("I5", Engagement, "on_heartbeat", lambda old: forever(None)),
