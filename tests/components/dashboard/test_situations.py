@@ -157,6 +157,8 @@ def test_nothing_old_looks_fresh(page, screen, situation):
         page.page.reload()
     page.choose(name)
     page.wait("n => document.querySelectorAll('.uplot').length === n", 10 if flight.is_seen else 0)
+    page.wait("seen => dfvsScreen().has.view === seen", flight.is_seen)
+    page.wait("n => dfvsScreen().refreshes > n", page.page.evaluate("dfvsScreen().refreshes"))
     look = page.look()
     page.keep(name)
     assert_ages(look, flight)
