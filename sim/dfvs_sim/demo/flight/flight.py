@@ -288,9 +288,10 @@ def running(work: Callable[[threading.Event], None], name: str) -> Iterator[None
     """Run ``work(stop)`` on a thread inside the context."""
     stop = threading.Event()
     thread = threading.Thread(target=work, args=(stop,), name=name, daemon=True)
-    thread.start()
     try:
+        thread.start()  # it waits for the thread, and Ctrl-C may come meanwhile
         yield
     finally:
         stop.set()
-        thread.join(2.0)
+        if thread.is_alive():
+            thread.join(2.0)
