@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfvs_rooms.generator import interior_furniture as pieces
-from dfvs_rooms.generator.interior import Kind, furnished, painted
+from dfvs_rooms.generator.interior import Kind, draw_layout, painted
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import Part, box, placed
 
@@ -27,7 +27,7 @@ _OFF_WALL_M = 0.002
 def doorway_rooms(seed: int) -> Room:
     """Two furnished rooms, west and east of a wall with a doorway in its middle."""
     shape, looks = np.random.default_rng([seed, 2]).spawn(2)
-    layout = furnished(_KIND, shape)
+    layout = draw_layout(_KIND, shape)
     layout.parts += _partition(shape)
     return painted(layout, looks)
 

@@ -114,7 +114,7 @@ def drawn_interior(seed: int, kind: str | None = None) -> Room:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(KINDS)}")
     shape, looks = np.random.default_rng([seed, 1]).spawn(2)
     drawn = str(shape.choice(list(KINDS)))
-    return painted(furnished(KINDS[kind or drawn], shape), looks)
+    return painted(draw_layout(KINDS[kind or drawn], shape), looks)
 
 
 def painted(layout: Layout, looks: np.random.Generator) -> Room:
@@ -125,8 +125,8 @@ def painted(layout: Layout, looks: np.random.Generator) -> Room:
     return Room(tuple(layout.parts), materials, walls, tuple(layout.openings))
 
 
-def furnished(kind: Kind, rng: np.random.Generator) -> Layout:
-    """Furnish an interior of a kind."""
+def draw_layout(kind: Kind, rng: np.random.Generator) -> Layout:
+    """Draw the shell of an interior of a kind, and what stands and hangs in it."""
     size = tuple(float(rng.uniform(*r)) for r in (kind.length_m, kind.width_m, kind.height_m))
     layout = Layout((size[0], size[1], size[2]), rng)
     layout.parts += _shell(layout, rng)

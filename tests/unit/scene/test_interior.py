@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_rooms.generator.interior import KINDS, drawn_interior, furnished
+from dfvs_rooms.generator.interior import KINDS, draw_layout, drawn_interior
 from dfvs_rooms.generator.interior_materials import interior_materials
 from dfvs_rooms.generator.layout import Layout, Piece
 from dfvs_rooms.generator.solids import box
@@ -16,7 +16,7 @@ SEEDS = (1, 2)
 
 @functools.cache
 def furniture(kind, seed):
-    return furnished(KINDS[kind], np.random.default_rng(seed))
+    return draw_layout(KINDS[kind], np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -47,7 +47,7 @@ class TestEveryKind:
 
     def test_is_decided_by_its_seed(self, kind):
         a, c = (furniture(kind, seed) for seed in SEEDS)
-        b = furnished(KINDS[kind], np.random.default_rng(SEEDS[0]))
+        b = draw_layout(KINDS[kind], np.random.default_rng(SEEDS[0]))
         assert len(a.parts) == len(b.parts)
         for one, same in zip(a.parts, b.parts, strict=True):
             np.testing.assert_array_equal(one.vertices, same.vertices)
