@@ -156,7 +156,7 @@ class Servo:
 
     def _dead_reckoned(self, last: _LastStep, t_ns: int) -> Motion:
         """Motion of a body that flew the last velocity."""
-        T_body_camera = np.eye(4) if self._task.mount is None else self._task.mount.T_body_camera()
+        T_body_camera = self._task.T_body_camera
         dt_s = (t_ns - last.motion.t_ns) * 1e-9
         moved = T_body_camera @ self._task.basis.exp(dt_s * last.velocity)
         T_world_body = last.motion.T_world_body() @ moved @ invert_pose(T_body_camera)

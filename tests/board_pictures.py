@@ -5,6 +5,7 @@ import functools
 import cv2
 import numpy as np
 
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 
 SQUARE_PX = 48
@@ -15,8 +16,7 @@ MARGIN_PX = 48
 def _rays(camera):
     """Rays (2H, 2W, 3) of four samples a pixel."""
     fine = camera.scaled(2 * camera.width, 2 * camera.height)
-    xy = fine.normalise(fine.grid())
-    return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+    return homogeneous(fine.normalise(fine.grid()))
 
 
 def board_picture(board, camera, T_camera_board, rng):

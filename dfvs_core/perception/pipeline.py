@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
@@ -90,7 +88,7 @@ class Pipeline:
         self._depth = depth if task.config.depth in BY_NETWORK else None
         if self._depth is None and task.config.depth in BY_NETWORK:
             raise ConfigError(f"servo.depth = {task.config.depth!r} without a depth network")
-        self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
+        self._T_body_camera = task.T_body_camera
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
         self._load = FrameLoad()

@@ -30,11 +30,16 @@ class ServoTask:
     goal_depth: GoalDepth | None = None
 
     @property
+    def T_body_camera(self) -> FloatArray:
+        """Pose (4, 4) of the camera in the body that moves, m; a free camera is that body."""
+        return np.eye(4) if self.mount is None else self.mount.T_body_camera()
+
+    @property
     def basis(self) -> MotionBasis:
         """Degrees of freedom."""
         if self.mount is None:
             return free_camera()
-        T_body_camera = self.mount.T_body_camera()
+        T_body_camera = self.T_body_camera
         T_body_camera[:3, 3] /= self.unit_m
         return level_body(T_body_camera)
 

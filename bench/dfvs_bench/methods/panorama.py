@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import so3_exp
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.warping import pixel_grid, sample
@@ -100,8 +100,7 @@ class Panorama:
         camera = self._camera.scaled(width, height)
         pixels = pixel_grid(size)
         xy = camera.normalise(pixels.astype(np.float64))
-        rays = np.concatenate([xy, np.ones((*size, 1))], axis=-1)
-        turned = rays @ (match.R_ahead_view.T @ R_ahead_other).T
+        turned = homogeneous(xy) @ (match.R_ahead_view.T @ R_ahead_other).T
         ahead = turned[..., 2] > _LEAST_DEPTH
         at = camera.project(np.where(ahead[..., None], turned, [0.0, 0.0, 1.0])).astype(np.float32)
         ahead &= ((at >= 0.0) & (at <= np.array(camera.size) - 1.0)).all(axis=-1)

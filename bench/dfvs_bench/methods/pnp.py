@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import Float32Array, FloatArray, IntArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, track_or_match
@@ -122,8 +122,7 @@ def _confident_points(
     depth = DepthMap(depth.z_m[_GRID], depth.validity[_GRID])
     points = points_from_flow(sample_grid(flow, _STRIDE_PX), depth, camera, camera)
     points = points.select((depth.validity.ravel() > 0) & (points.weight > _LEAST_CONFIDENCE))
-    rays = np.column_stack([points.xy, np.ones(len(points.xy))])
-    return rays * points.z_m[:, None], points.xy_goal
+    return homogeneous(points.xy) * points.z_m[:, None], points.xy_goal
 
 
 def perspective_pose(

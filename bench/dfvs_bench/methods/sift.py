@@ -11,6 +11,7 @@ import numpy as np
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_bench.methods.pnp import LEAST_POINTS, REPROJECTION_PX, perspective_pose
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import se3_exp
 from dfvs_core.geometry.robust_weights import weighted_median
@@ -45,7 +46,7 @@ class SiftMethod:
         z_m, known = _depth_at(observation, pixels)
         pixels, partners, z_m = pixels[known], partners[known], z_m[known]
         xy, xy_goal = self._camera.normalise(pixels), self._camera.normalise(partners)
-        P = np.column_stack([xy, np.ones(len(xy))]) * z_m[:, None]
+        P = homogeneous(xy) * z_m[:, None]
         found = perspective_pose(P, xy_goal, REPROJECTION_PX / self._camera.fx)
         if found is None:
             self._failed += 1

@@ -15,6 +15,7 @@ import numpy as np
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.camera import homogeneous
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.scene.glb import load_glb
@@ -196,7 +197,7 @@ def _goal_points(renderer: Renderer, task: BenchTask) -> FloatArray:
     grid = (slice(None, None, _POINTS_STRIDE_PX),) * 2
     z_m = renderer.depth(task.camera, task.T_world_goal)[grid].ravel()
     xy = task.camera.normalise(task.camera.grid()[grid].reshape(-1, 2))
-    points = (np.column_stack([xy, np.ones(len(xy))]) * z_m[:, None])[z_m > 0]
+    points = (homogeneous(xy) * z_m[:, None])[z_m > 0]
     R, t = task.T_world_goal[:3, :3], task.T_world_goal[:3, 3]
     found: FloatArray = points @ R.T + t
     return found

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
@@ -110,8 +110,7 @@ class RoomPoseReader(RoomReader):
 @functools.lru_cache(maxsize=8)
 def rays(camera: CameraModel) -> FloatArray:
     """Points (H, W, 3) at depth 1 that the pixels of a camera look at, in its optical frame."""
-    xy = camera.normalise(camera.grid())
-    return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+    return homogeneous(camera.normalise(camera.grid()))
 
 
 def _sampled(grey: ImageArray, pixels: FloatArray) -> ImageArray:
