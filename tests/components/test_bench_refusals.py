@@ -90,6 +90,8 @@ def folder(tmp_path, monkeypatch):
         ("relocalise", "--json nowhere/f.json", "lies in no folder"),
         ("renderer", "--json none/f.json", "lies in no folder"),
         ("report", "--runs none --basin none --drone none --out r.html", "hold no trials"),
+        ("report", "--out nowhere/r.html", "--out nowhere/r.html lies in no folder"),
+        ("report", "--out r.txt", "--out is 'r.txt'; expected a name that ends in .html"),
         ("scenes", "--setting near --out near --share 1.5", "--share is 1.5"),
         ("table1", "--csv .", "--csv . is a folder"),
         ("table1", "--methods magic", "true-depth"),

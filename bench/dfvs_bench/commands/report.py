@@ -15,6 +15,7 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import bundle_folder, load_depth_network
+from dfvs_sim.options import require_file
 
 _EPILOG = """example:
   dfvs-bench report --runs bench-runs --basin basin-runs --drone drone-runs --out report.html
@@ -59,8 +60,9 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If there are no trials of these tasks, or the output cannot be written.
     """
-    if args.out.suffix.lower() != ".html" or not args.out.absolute().parent.is_dir():
-        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html, in a folder")
+    if args.out.suffix.lower() != ".html":
+        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html")
+    require_file("--out", args.out)
     contents = _contents(args)
     page = report_page(contents, log)
     args.out.write_text(page, encoding="utf-8")
