@@ -67,8 +67,6 @@ class Environment:
     sends_status: bool = True
     obeys: bool = True
     sees: bool = True
-    follows_goal: bool = True
-    """Perception goes on to a new goal after a while."""
     latency_ns: int = 40 * MS
     asked: tuple[float, float, float, float] = (0.3, -0.1, 0.05, 0.1)
     error_m: float = 1.0
@@ -121,7 +119,6 @@ def _vehicle(environment: Environment, rng: RandomSource) -> Environment:
 def _sight(environment: Environment, rng: RandomSource) -> Environment:
     changes = (
         {"sees": False},
-        {"follows_goal": False},
         {"latency_ns": rng.integer(-30, 400) * MS},
         {"latency_ns": rng.integer(190, 260) * MS},
         {"report_healthy": False},

@@ -220,8 +220,7 @@ class Surroundings:
     def _report(self) -> PerceptionReport:
         environment, rng = self._environment, self._rng
         self._seq += 1
-        # perception takes its time to look for another goal
-        if rng.chance(0.2) and environment.follows_goal:
+        if rng.chance(0.2):  # perception takes its time to look for another goal
             self._seen_goal = self._wanted_goal
         if not rng.chance(0.03):  # else the capture of the report before, once more
             self._capture_ns = self._now_ns - environment.latency_ns
