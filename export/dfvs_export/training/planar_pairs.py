@@ -5,32 +5,73 @@ pixels of another image), and of the camera: exposure, blur, noise.
 """
 
 import math
-from typing import cast
+from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
-from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
-from dfvs_export.networks.pose_regression import SIZE, STRIDE
-from dfvs_export.training.pose_pairs import PosePair, flow_to, normalised, rays
-from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
+from dfvs_export.networks.pose_regression import SIZE
+from dfvs_export.training.pose_pairs import STRIDE, PosePair, flow_to, normalised
+from dfvs_export.training.room_pairs import RoomReader, view_of
 
 _MOST_TRANSLATION = (0.22, 0.22, 0.16)
 _MOST_ROTATION_RAD = tuple(np.radians((18.0, 18.0, 45.0)))
 """Greatest displacement along and about the camera's axes; translation over the distance."""
+_SMALL_ONES = 1.5
+"""Exponent on the uniform share of the greatest displacement: small ones are more frequent."""
 _GOAL_SHARE = 0.25
 """Displacement of the goal's view from looking straight at the plane, in the greatest one."""
 _TEXTURE_WIDTH = (1.6, 3.2)
 """Of the photograph on the plane, over the distance; beyond it is mirrored."""
-_TEXTURE_PX = (320, 240)
+_TEXTURE_PX_PER_PX = 1.3
+"""Of a view, at most; a larger photograph is reduced before it is seen, or it would flicker."""
 _FOCAL = (0.5, 0.87)
 """Focal length over width: fields of view of 90 to 60 degrees."""
 _LIT, _LIGHTS, _LIGHT = 0.5, 3, (-0.6, 0.8)
 """Share of views with another light, count of its Gaussians at most, and their heights."""
 _OCCLUDED, _MOST_OCCLUDED = 0.4, 0.3
 """Share of views that something is in front of, and the most that it covers."""
+_GAMMA, _GAIN, _OFFSET = (0.7, 1.4), (0.6, 1.3), (-0.06, 0.06)
+_BLURRED, _BLUR_PX = 0.3, (0.3, 0.9)
+_NOISE = 0.02
+"""Exposure, share and size of blur, and noise at most, on grey levels from 0 to 1."""
+
+
+class PlanarMotion(NamedTuple):
+    """Two poses (4, 4) in the frame of the plane z = 1 that both look at, and a camera."""
+
+    T_plane_first: FloatArray
+    T_plane_second: FloatArray
+    camera: CameraModel
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "PlanarMotion":
+        """Two poses near to one that looks straight at the plane from a distance of 1."""
+        T_plane_second = _displacement(_GOAL_SHARE * rng.uniform(), rng)
+        T_second_first = _displacement(rng.uniform() ** _SMALL_ONES, rng)
+        f = rng.uniform(*_FOCAL) * SIZE[0]
+        camera = CameraModel(*SIZE, f, f, SIZE[0] / 2, SIZE[1] / 2)
+        return cls(T_plane_second @ T_second_first, T_plane_second, camera)
+
+    @property
+    def focal(self) -> float:
+        """Focal length over the width."""
+        return self.camera.fx / self.camera.width
+
+    def in_depths(self) -> FloatArray:
+        """``T_first_second`` (4, 4), its unit the depth at the second view's middle."""
+        T = invert_pose(self.T_plane_first) @ self.T_plane_second
+        T[:3, 3] /= (1.0 - self.T_plane_second[2, 3]) / self.T_plane_second[2, 2]
+        return T
+
+    def seen(self, stride: int) -> FloatArray:
+        """Pixels (h, w, 2) of the second view that every stride-th one of the first leads to."""
+        first, second = (_view_from_plane(T) for T in self[:2])
+        there = homogeneous(self.camera.normalise(self.camera.grid(stride)))
+        return self.camera.project(there @ (second @ np.linalg.inv(first)).T)
 
 
 class PlanarPoseReader(RoomReader):
@@ -39,37 +80,38 @@ class PlanarPoseReader(RoomReader):
     def draw(self) -> PosePair:
         """Draw the next pair; its unit is the depth at the second view's middle."""
         rng = self._rng
+        motion = PlanarMotion.drawn(rng)
+        width, turn = rng.uniform(*_TEXTURE_WIDTH), rng.uniform(-math.pi, math.pi)
         texture = self._photograph()
-        T_plane_second = _displacement(_GOAL_SHARE * rng.uniform(), rng)
-        T_second_first = _displacement(rng.uniform() ** 1.5, rng)
-        T_plane_first = T_plane_second @ T_second_first
-        span = rng.uniform(*_TEXTURE_WIDTH) / _TEXTURE_PX[0]
-        turn = rng.uniform(-math.pi, math.pi)
-        focal = rng.uniform(*_FOCAL)
-        camera = CameraModel(*SIZE, *(focal * SIZE[0],) * 2, SIZE[0] / 2, SIZE[1] / 2)
-        poses = T_plane_first, T_plane_second
-        views = [_view(camera, T, texture, (span, turn)) for T in poses]
+        per_px = texture.shape[1] / (width * motion.camera.fx)
+        scale = min(1.0, _TEXTURE_PX_PER_PX / per_px)
+        texture = cast(
+            ImageArray, cv2.resize(texture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        )
+        laid = width / texture.shape[1], turn
+        views = [_view(motion.camera, T, texture, laid) for T in motion[:2]]
         first, second = (normalised(self._perturbed(view)) for view in views)
-        T = invert_pose(T_second_first)
-        flow = _flow(camera, *poses)
-        T[:3, 3] /= (1.0 - T_plane_second[2, 3]) / T_plane_second[2, 2]
-        return PosePair(first, second, focal, T, flow)
+        flow = flow_to(motion.camera, motion.seen(STRIDE))
+        return PosePair(first, second, motion.focal, motion.in_depths(), flow)
 
     def _photograph(self) -> ImageArray:
         room, k = self._draw_pair()
-        image = view_of(room, k, "ab"[self._rng.integers(2)])
-        return cast(ImageArray, cv2.resize(image, _TEXTURE_PX, interpolation=cv2.INTER_AREA))
+        return view_of(room, k, "ab"[self._rng.integers(2)])
 
     def _perturbed(self, view: ImageArray) -> Float32Array:
         rng = self._rng
-        grey = view.astype(np.float32)
+        grey = view.astype(np.float32) / np.float32(255.0)
         if rng.uniform() < _LIT:
             grey = grey * light(rng)
         if rng.uniform() < _OCCLUDED:
             other = cv2.resize(self._photograph(), SIZE, interpolation=cv2.INTER_AREA)
             share = rng.uniform(0.0, _MOST_OCCLUDED)
-            grey = np.where(cluster(share, rng), other, grey).astype(np.float32)
-        return augmented(grey, rng)
+            grey = np.where(cluster(share, rng), other / np.float32(255.0), grey)
+        grey = grey ** rng.uniform(*_GAMMA) * rng.uniform(*_GAIN) + rng.uniform(*_OFFSET)
+        if rng.uniform() < _BLURRED:
+            grey = cv2.GaussianBlur(grey, (0, 0), rng.uniform(*_BLUR_PX)).astype(np.float32)
+        grey = grey + rng.normal(0, rng.uniform(0.0, _NOISE), grey.shape)
+        return np.asarray(255.0 * np.clip(grey, 0.0, 1.0), np.float32)
 
 
 def light(rng: np.random.Generator) -> Float32Array:
@@ -106,9 +148,10 @@ def _view(
 
     The texture is ``laid`` by its length per px and its angle.
     """
+    height, width = texture.shape
     span, turn = laid
     c, s = span * math.cos(turn), span * math.sin(turn)
-    middle = np.array([[1, 0, -_TEXTURE_PX[0] / 2], [0, 1, -_TEXTURE_PX[1] / 2], [0, 0, 1.0]])
+    middle = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1.0]])
     plane_from_texture = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ middle
     H = camera.matrix @ _view_from_plane(T_plane_view) @ plane_from_texture
     half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])  # OpenCV's first pixel
@@ -128,12 +171,3 @@ def _view_from_plane(T_plane_view: FloatArray) -> FloatArray:
     shifted = np.eye(3)
     shifted[:, 2] -= t
     return np.asarray(R.T @ shifted, np.float64)
-
-
-def _flow(
-    camera: CameraModel, T_plane_first: FloatArray, T_plane_second: FloatArray
-) -> Float32Array:
-    """Flow (9, 12, 2) from the first view to the second, in widths."""
-    grid = slice(STRIDE // 2, None, STRIDE)
-    H = _view_from_plane(T_plane_second) @ np.linalg.inv(_view_from_plane(T_plane_first))
-    return flow_to(camera, camera.project(rays(camera)[grid, grid] @ H.T))

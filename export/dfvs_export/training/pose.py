@@ -1,19 +1,20 @@
 """Training of the networks that regress poses."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import quaternion_from_rotation, so3_log
-from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, SiameseNet
+from dfvs_export.networks.pose_regression import PoseNet
+from dfvs_export.networks.siamese_pose import SiameseNet
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
 from dfvs_export.training.planar_pairs import PlanarPoseReader
+from dfvs_export.training.pose_loss import PoseBatch, PoseErrors, siamese_loss, stacked_loss
 from dfvs_export.training.pose_pairs import RoomPoseReader
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.pose import TrainedPose, starting_weights
@@ -21,13 +22,21 @@ from dfvs_export.weights.pose import TrainedPose, starting_weights
 _PAIRS_PER_STEP = 16
 _FROZEN_BLOCKS = 5
 _STEPS_PER_REPORT, _STEPS_PER_CHECKPOINT = 25, 200
-_ROTATION_WEIGHT = {"quaternion": 4.0, "vector": 1.0}
-"""Of the error of the rotation beside that of the translation."""
-_FLOW_WEIGHT = 2.0
 
-_READERS: Mapping[str, tuple[type[RoomPoseReader | PlanarPoseReader], str]] = {
-    "saxena": (RoomPoseReader, "pairs of views of rooms"),
-    "bateux": (PlanarPoseReader, "pairs of views of a plane with a view of a room on it"),
+
+class _Training(NamedTuple):
+    """Pairs to learn from, what they are, and the loss of a batch of them."""
+
+    reader: type[RoomPoseReader | PlanarPoseReader]
+    pairs: str
+    loss: Callable[[Any, PoseBatch, np.random.Generator], tuple[Tensor, PoseErrors]]
+
+
+_TRAININGS: Mapping[str, _Training] = {
+    "saxena": _Training(RoomPoseReader, "pairs of views of rooms", stacked_loss),
+    "bateux": _Training(
+        PlanarPoseReader, "pairs of views of a plane with a view of a room on it", siamese_loss
+    ),
 }
 
 
@@ -36,17 +45,6 @@ class PoseTrainSettings(TrainSettings):
     """What a training run is asked for; see ``dfvs-export train-pose --help``."""
 
     network: str
-
-
-class _Batch(NamedTuple):
-    """Tensors of some pairs; ``rotation`` is a quaternion or a vector, as the network gives."""
-
-    first: Tensor
-    second: Tensor
-    focal: Tensor
-    translation: Tensor
-    rotation: Tensor
-    flow: Tensor
 
 
 def train_pose(settings: PoseTrainSettings) -> None:
@@ -61,29 +59,34 @@ def train_pose(settings: PoseTrainSettings) -> None:
     """
     start = starting_weights(settings.network, settings.start)
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    make_reader, what = _READERS[settings.network]
-    reader = make_reader(settings.pairs, settings.seed)
+    training = _TRAININGS[settings.network]
+    reader = training.reader(settings.pairs, settings.seed)
     batches = drawn_ahead(lambda: _batch(reader, network))
-    errors = list[tuple[float, float, float]]()
+    rng = np.random.default_rng([settings.seed, 1])
+    errors = list[PoseErrors]()
+
+    def learn() -> None:
+        loss, off = training.loss(network, next(batches), rng)
+        loss.backward()  # type: ignore[no-untyped-call]
+        errors.append(off)
 
     def report(steps: int) -> None:
-        t, r, flow = np.mean(errors, axis=0)
+        t, r, flow = np.mean(np.array(errors), axis=0)
         print(
             f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
-            f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths",
+            f" {np.degrees(r):.2f} deg, flow {flow:.4f} widths",
             flush=True,
         )
         errors.clear()
 
     def save(steps: int) -> None:
-        training = settings.history(start.training, f"{_PAIRS_PER_STEP * steps} {what}")
-        weights = TrainedPose(settings.network, state_of(network), start.origin, training)
-        weights.save(settings.out)
+        told = settings.history(start.training, f"{_PAIRS_PER_STEP * steps} {training.pairs}")
+        TrainedPose(settings.network, state_of(network), start.origin, told).save(settings.out)
 
     descend(
         settings,
         _begin_training(network),
-        lambda: errors.append(_learn(network, next(batches))),
+        learn,
         {report: _STEPS_PER_REPORT, save: _STEPS_PER_CHECKPOINT},
     )
 
@@ -98,43 +101,11 @@ def _begin_training(network: PoseNet) -> dict[torch.nn.Module, float]:
     return {network.encoder: ENCODER_RATE, network: 1.0}
 
 
-def _learn(network: PoseNet, batch: _Batch) -> tuple[float, float, float]:
-    """Add the gradient of a batch; mean errors of translation, of rotation in rad, of flow."""
-    with torch.autocast("cpu", torch.bfloat16):
-        features, flow = network.encode(batch.first, batch.second)
-    found = network.regress(features.float(), flow.float(), batch.focal)
-    t_error = _distance(found.translation, batch.translation)
-    r_error = _rotation_error(found, batch, network.rotation)
-    known = ~batch.flow.isnan()
-    apart = functional.smooth_l1_loss(
-        flow.float(), batch.flow.nan_to_num(), reduction="none", beta=0.02
-    )
-    flow_error = torch.where(known, apart, 0.0).sum() / known.sum().clamp(min=1)
-    weight = _ROTATION_WEIGHT[network.rotation]
-    loss = t_error + weight * r_error + _FLOW_WEIGHT * flow_error
-    loss.backward()  # type: ignore[no-untyped-call]
-    to_rad = 2.0 if network.rotation == "quaternion" else 1.0  # of a small one's half angle
-    return t_error.item(), to_rad * r_error.item(), flow_error.item()
-
-
-def _rotation_error(found: PosePrediction, batch: _Batch, rotation: str) -> Tensor:
-    """Mean distance of quaternions (that of Saxena et al.) or of rotation vectors."""
-    given = found.rotation
-    if rotation == "quaternion":
-        given = functional.normalize(given, dim=1)
-    return _distance(given, batch.rotation)
-
-
-def _distance(a: Tensor, b: Tensor) -> Tensor:
-    mean: Tensor = torch.linalg.vector_norm(a - b, dim=1).mean()
-    return mean
-
-
-def _batch(reader: RoomPoseReader | PlanarPoseReader, network: PoseNet) -> _Batch:
+def _batch(reader: RoomPoseReader | PlanarPoseReader, network: PoseNet) -> PoseBatch:
     pairs = [reader.draw() for _ in range(_PAIRS_PER_STEP)]
     rotation_of = quaternion_from_rotation if network.rotation == "quaternion" else so3_log
     poses = [pair.T_first_second for pair in pairs]
-    return _Batch(
+    return PoseBatch(
         _images([pair.first for pair in pairs]),
         _images([pair.second for pair in pairs]),
         _tensor([np.array([pair.focal]) for pair in pairs]),

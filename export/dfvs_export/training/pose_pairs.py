@@ -10,7 +10,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel, homogeneous
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
-from dfvs_export.networks.pose_regression import SIZE, STRIDE
+from dfvs_export.networks.pose_regression import SIZE
 from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
 
 _NEAR = 0.5
@@ -28,6 +28,8 @@ _WINDOWED, _WINDOW = 0.5, 0.12
 _OUTSIDE = 127.5
 """Grey level outside of a view."""
 _NEAREST_M = 0.05
+STRIDE = 4
+"""Of the grid that flow is given on, px."""
 
 
 class PosePair(NamedTuple):
@@ -35,7 +37,7 @@ class PosePair(NamedTuple):
 
     ``first`` and ``second`` (144, 192) are grey, -1 to 1; ``focal`` is their focal length over the
     width. ``T_first_second`` (4, 4) is in m or in depths at the second view's middle; ``flow``
-    (9, 12, 2) leads from the first view to the second, in widths, not a number where it is unknown
+    (36, 48, 2) leads from the first view to the second, in widths, not a number where it is unknown
     or leads out of it.
     """
 
@@ -153,7 +155,7 @@ def _moved(seen: _Seen, T_seen_new: FloatArray) -> _Seen:
 
 
 def _flow(camera: CameraModel, depth_m: FloatArray, T_first_second: FloatArray) -> Float32Array:
-    """Flow (9, 12, 2) from a view with this depth (144, 192) to another one, in widths."""
+    """Flow (36, 48, 2) from a view with this depth (144, 192) to another one, in widths."""
     grid = slice(STRIDE // 2, None, STRIDE)
     z = depth_m[grid, grid]
     P = rays(camera)[grid, grid] * z[..., None]
@@ -163,7 +165,7 @@ def _flow(camera: CameraModel, depth_m: FloatArray, T_first_second: FloatArray) 
 
 
 def flow_to(camera: CameraModel, there: FloatArray) -> Float32Array:
-    """Flow (9, 12, 2) in widths to pixels of another view; not a number to outside of it."""
+    """Flow (36, 48, 2) in widths to pixels of another view; not a number to outside of it."""
     inside = ((there >= 0) & (there < camera.size)).all(axis=2, keepdims=True)
     flow = (there - camera.grid(STRIDE)) / camera.width
     return np.where(inside, flow, np.nan).astype(np.float32)

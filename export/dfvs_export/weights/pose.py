@@ -1,14 +1,19 @@
 """Weights of networks that regress poses: a checkpoint of ours, or ones to start training from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_export.networks.pose_regression import NETWORKS, PoseNet, SiameseNet
+from dfvs_export.networks.pose_regression import PoseNet, StackedNet
+from dfvs_export.networks.siamese_pose import SiameseNet
 from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint
 from dfvs_export.weights.depth import ENCODER_ORIGIN, ENCODER_TRAINING, fill_encoder
+
+NETWORKS: Mapping[str, type[PoseNet]] = {"saxena": StackedNet, "bateux": SiameseNet}
+"""By the names of their first authors."""
 
 
 @dataclass(frozen=True, slots=True)
