@@ -23,6 +23,7 @@ from dfvs_service.ros2.telemetry import (
     preview_message,
     setpoint_message,
 )
+from dfvs_service.zenoh_session import attachment_of
 
 _SERVO_AGE_NS = 1_000_000_000
 """Figures of a frame are left out once they are older."""
@@ -109,9 +110,8 @@ class Relay:
         self._diagnostics.put(report, stamp_ns)
 
     def _on_preview(self, sample: zenoh.Sample) -> None:
-        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         try:
-            header = decode_header(attachment)
+            header = decode_header(attachment_of(sample))
         except WireError as error:
             log.warning("preview left out: %s", error)
             return
