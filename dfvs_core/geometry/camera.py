@@ -84,16 +84,15 @@ class CameraModel:
             self._check_invertible()
 
     def _check_invertible(self) -> None:
-        """Refuse a distortion that folds back before it has reached all centres of pixels."""
-        low, high = np.array([0.5, 0.5]), np.array(self.size) - 0.5
-        centre = np.array([self.cx, self.cy])
-        corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])]) - centre
+        """Refuse a distortion that folds back before it has reached the image's corners."""
+        size, centre = np.array(self.size), np.array([self.cx, self.cy])
+        corners = np.array([(0.0, 0.0), (size[0], 0.0), size, (0.0, size[1])]) - centre
         to_corners = np.arctan2(corners[:, 1] / self.fy, corners[:, 0] / self.fx)
         folds = first_folds(self.distortion, np.concatenate([to_corners, _AROUND_RAD]))
         if not len(folds):
             return
         pixels = self.denormalise(folds)
-        is_seen = ((pixels > low) & (pixels < high)).all(axis=-1)
+        is_seen = ((pixels > 0.0) & (pixels < size)).all(axis=-1)
         if not is_seen.any():
             return
         radii, radii_px = np.linalg.norm(folds, axis=-1), np.linalg.norm(pixels - centre, axis=-1)
