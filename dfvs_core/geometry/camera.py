@@ -19,7 +19,7 @@ from dfvs_core.geometry.distortion import first_folds
 _DISTORTION_LENGTHS = (0, 4, 5, 8)
 _AROUND_RAD = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
 """Directions in which, beside the corners', a distortion is examined."""
-_UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
+_UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
 
 
 def homogeneous(xy: FloatArray) -> FloatArray:

@@ -99,3 +99,10 @@ def test_typical_calibrations_are_taken(distortion, focal_px, size):
 def test_what_folds_back_is_refused_with_its_place(distortion):
     with pytest.raises(GeometryError, match=r"\d+ px from .* \d+ degrees off .* expected .* again"):
         camera(distortion)
+
+
+@pytest.mark.parametrize("focal_px", [300.0, 330.0, 500.0])
+def test_the_rays_of_a_wide_lens_lead_back_to_their_pixels(focal_px):
+    lens = camera((-0.3, 0.1, 0.0, 0.0), focal_px)
+    pixels = lens.grid(8)
+    np.testing.assert_allclose(lens.denormalise(lens.normalise(pixels)), pixels, atol=1e-3)
