@@ -1,8 +1,9 @@
-"""Command lines of several commands: parsing, exit codes, one-line errors, ``--version``."""
+"""Command lines of several commands: parsing, output paths, exit codes, one-line errors."""
 
 import argparse
 from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from dfvs_common import lifecycle
@@ -42,6 +43,31 @@ def parse_size(text: str, option: str = "--size") -> tuple[int, int]:
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise ConfigError(f"{option} is {text!r}", "WIDTHxHEIGHT such as 320x240")
     return int(width), int(height)
+
+
+def require_folder(option: str, path: Path | None) -> None:
+    """Refuse what an option names in a folder that does not exist; None is nothing.
+
+    Raises
+    ------
+    ConfigError
+        If it does not.
+    """
+    if path is not None and not path.absolute().parent.is_dir():
+        raise ConfigError(f"{option} {path} lies in no folder", "an existing folder")
+
+
+def require_file(option: str, path: Path | None) -> None:
+    """Refuse a file to write that lies in no folder, or is one; None is no file.
+
+    Raises
+    ------
+    ConfigError
+        If it does or is.
+    """
+    require_folder(option, path)
+    if path is not None and path.is_dir():
+        raise ConfigError(f"{option} {path} is a folder", "a file in it")
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -10,6 +10,11 @@ def log(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def warn(text: str) -> None:
+    """Print a line that says what is doubtful."""
+    log(f"warning: {text}")
+
+
 class StatusLine:
     """One line that is rewritten in a terminal; nothing where the stream is none.
 

@@ -14,9 +14,12 @@ import numpy as np
 
 from dfvs_core.errors import GeometryError, ImageError
 from dfvs_core.geometry.arrays import FloatArray, ImageArray, check_image
+from dfvs_core.geometry.distortion import first_folds
 
 _DISTORTION_LENGTHS = (0, 4, 5, 8)
-_UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
+_AROUND_RAD = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+"""Directions in which, beside the corners', a distortion is examined."""
+_UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
 
 
 def homogeneous(xy: FloatArray) -> FloatArray:
@@ -40,7 +43,7 @@ class CameraModel:
     Raises
     ------
     GeometryError
-        If no camera can have such intrinsics.
+        If no camera can have such intrinsics, or the distortion folds back within the image.
 
     Examples
     --------
@@ -77,6 +80,31 @@ class CameraModel:
             raise GeometryError(
                 f"{len(self.distortion)} distortion coefficients", "0, 4, 5 or 8 (OpenCV's order)"
             )
+        if any(self.distortion):
+            self._check_invertible()
+
+    def _check_invertible(self) -> None:
+        """Refuse a distortion that folds back before it has reached the image's corners."""
+        size, centre = np.array(self.size), np.array([self.cx, self.cy])
+        corners = np.array([(0.0, 0.0), (size[0], 0.0), size, (0.0, size[1])]) - centre
+        to_corners = np.arctan2(corners[:, 1] / self.fy, corners[:, 0] / self.fx)
+        folds = first_folds(self.distortion, np.concatenate([to_corners, _AROUND_RAD]))
+        if not len(folds):
+            return
+        pixels = self.denormalise(folds)
+        is_seen = ((pixels > 0.0) & (pixels < size)).all(axis=-1)
+        if not is_seen.any():
+            return
+        radii, radii_px = np.linalg.norm(folds, axis=-1), np.linalg.norm(pixels - centre, axis=-1)
+        nearest = np.where(is_seen, radii, np.inf).argmin()
+        coefficients = ", ".join(f"{value:g}" for value in self.distortion)
+        raise GeometryError(
+            f"distortion ({coefficients}) folds back in the image, {radii_px[nearest]:.0f} px from "
+            "the principal point, where a ray is "
+            f"{np.degrees(np.arctan(radii[nearest])):.0f} degrees off the axis",
+            f"one that rises up to the corner, {np.linalg.norm(corners, axis=-1).max():.0f} px off",
+            "calibrate again with points up to the image's corners, or with fewer coefficients",
+        )
 
     @classmethod
     def from_horizontal_fov(cls, width: int, height: int, fov_rad: float) -> CameraModel:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.errors import WireError
+from dfvs_core.errors import ImageError, WireError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import decode_image, encode_jpeg, encode_png
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
@@ -26,7 +26,7 @@ _VERSION = 1
 _ENVELOPE_BYTES = 1024
 """Room for a message's key, encoding and stamp."""
 
-MAX_FRAME_BYTES = MAX_MESSAGE_BYTES - _HEADER.size - _ENVELOPE_BYTES
+_MAX_FRAME_BYTES = MAX_MESSAGE_BYTES - _HEADER.size - _ENVELOPE_BYTES
 """Largest payload that receivers take; Zenoh drops a larger one without a word."""
 
 NO_CLOCK = bytes(16)
@@ -122,6 +122,22 @@ def encode_frame(
         width, height, pixel_format, frame.seq, frame.t_capture_ns, zlib.crc32(payload), clock
     )
     return payload, encode_header(header)
+
+
+def check_frame_size(payload: bytes) -> None:
+    """Refuse the payload of a frame that no receiver takes.
+
+    Raises
+    ------
+    ImageError
+        If it is too large for a message.
+    """
+    if len(payload) > _MAX_FRAME_BYTES:
+        raise ImageError(
+            f"a frame has {len(payload) / 1e6:.1f} MB",
+            f"at most {_MAX_FRAME_BYTES / 1e6:.1f} MB, or nobody receives it",
+            "choose `--format jpeg` or a smaller `--size`",
+        )
 
 
 def encode_header(header: FrameHeader) -> bytes:

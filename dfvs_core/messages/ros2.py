@@ -28,6 +28,23 @@ _DEFAULT_QOS = "::,10:,:,:,,"
 """Reliable, volatile, keep the last ten: what is left out is ROS 2's default."""
 
 
+def vehicle_namespace(vehicle: str) -> str:
+    """Namespace of the topics of a vehicle of that name.
+
+    Raises
+    ------
+    ConfigError
+        If the name begins with a digit, which ROS 2 does not allow.
+    """
+    if vehicle[:1].isdigit():
+        raise ConfigError(
+            f"vehicle name {vehicle!r} with ROS 2",
+            "a name that begins with a letter",
+            "set vehicle.name in the settings of all programs, such as 'drone7'",
+        )
+    return vehicle.replace("-", "_")
+
+
 @dataclass(frozen=True, slots=True)
 class Ros2Topic:
     """A topic and its type, such as ``drone1/camera/image_raw``, ``sensor_msgs/msg/Image``.
@@ -43,7 +60,8 @@ class Ros2Topic:
         """Refuse names that ROS 2 does not know."""
         if not _TOPIC.fullmatch(self.name):
             raise ConfigError(
-                f"ROS 2 topic {self.name!r}", "names of letters, digits and '_' between slashes"
+                f"ROS 2 topic {self.name!r}",
+                "names of letters, digits and '_', none first a digit, between slashes",
             )
 
     @property

@@ -9,6 +9,7 @@ from pathlib import Path
 from dfvs_common.atomic_file import write_atomic
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
+from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
@@ -232,7 +233,7 @@ def _fly(words: Sequence[str]) -> int:
     check_ports(config)
     config = with_model(config, goal)
     for line in exposure_warnings(config):
-        print(f"warning: {line}", file=sys.stderr)
+        warn(line)
     with runtime_folder(arguments.runtime_dir) as runtime:
         check_ports(config)  # the model took seconds to load
         prepare_runtime(runtime, config, goal, later)
@@ -260,7 +261,7 @@ def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace
     if drawn:
         write_atomic(arguments.image, encode_png(drawn[0]))
     elif arguments.image is not None:
-        print("warning: no image, since nothing was seen: correct what fails", file=sys.stderr)
+        warn("no image, since nothing was seen: correct what fails")
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_FAILED

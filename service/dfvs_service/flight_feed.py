@@ -4,7 +4,7 @@ import errno
 import socket
 from pathlib import Path
 
-from dfvs_common.progress import log
+from dfvs_common.progress import warn
 
 _SEND_BUFFER_BYTES = 212_992
 """Linux's default limit; the kernel doubles it, and a datagram must fit into it."""
@@ -53,7 +53,7 @@ class FlightFeed:
         if stream not in self._too_large:
             self._too_large.add(stream)
             size = f"{size_bytes} bytes, {self.max_bytes} fit"
-            log(f"warning: the black box lacks a record of {stream!r}: it is too large ({size})")
+            warn(f"the black box lacks a record of {stream!r}: it is too large ({size})")
 
 
 def split_record(datagram: bytes) -> tuple[str, bytes]:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import Engage
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
@@ -85,7 +86,7 @@ def with_flights_folder(config: ServiceConfig) -> ServiceConfig:
     try:
         folder = flights_folder(config.black_box, os.environ)
     except ConfigError as error:
-        print(f"warning: no black box: {error}", file=sys.stderr)
+        warn(f"no black box: {error}")
         return replace(config, black_box=replace(config.black_box, enabled=False))
     return replace(config, black_box=replace(config.black_box, folder=str(folder)))
 

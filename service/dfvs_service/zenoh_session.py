@@ -98,6 +98,11 @@ def subscribe_kept(
     return zenoh.ext.declare_advanced_subscriber(session, key, on_sample, history=history)
 
 
+def attachment_of(sample: zenoh.Sample) -> bytes:
+    """Attachment of a sample, empty where it has none."""
+    return b"" if sample.attachment is None else sample.attachment.to_bytes()
+
+
 def link_zenoh(config: ZenohSection, runtime: RuntimeFolder) -> ZenohSection:
     """Settings of the operator link: without a router the service's processes connect to it."""
     if config.mode == "client":

@@ -114,31 +114,6 @@ def parse_wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
     return WindGrade.CALM, (north, east)
 
 
-def require_folder(option: str, path: Path | None) -> None:
-    """Refuse what an option names in a folder that does not exist; None is nothing.
-
-    Raises
-    ------
-    ConfigError
-        If it does not.
-    """
-    if path is not None and not path.absolute().parent.is_dir():
-        raise ConfigError(f"{option} {path} lies in no folder", "an existing folder")
-
-
-def require_file(option: str, path: Path | None) -> None:
-    """Refuse a file to write that lies in no folder, or is one; None is no file.
-
-    Raises
-    ------
-    ConfigError
-        If it does or is.
-    """
-    require_folder(option, path)
-    if path is not None and path.is_dir():
-        raise ConfigError(f"{option} {path} is a folder", "a file in it")
-
-
 def write_json(path: Path, document: Any) -> None:
     """Write what ``--json`` asks for, whole or not at all.
 

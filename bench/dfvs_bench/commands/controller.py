@@ -7,8 +7,8 @@ from typing import Any
 from dfvs_bench.methods.registry import chosen_methods
 from dfvs_bench.report.figures import controller_figure, figure_format
 from dfvs_bench.trials.results import read_records
+from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
-from dfvs_sim.options import require_file
 
 _EPILOG = """example:
   dfvs-bench controller --runs bench-runs --scene hall --out controller.png

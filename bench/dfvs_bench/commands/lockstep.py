@@ -13,6 +13,7 @@ from dfvs_bench.lockstep.run import fly
 from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
+from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
@@ -20,7 +21,7 @@ from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.options import add_scene_option, require_file, write_json
+from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.scene import builtin_room_path
 
 _LIMITS = VelocityLimits()

@@ -11,11 +11,11 @@ from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import bundle_folder, load_depth_network
-from dfvs_sim.options import require_file
 
 _EPILOG = """example:
   dfvs-bench report --runs bench-runs --basin basin-runs --drone drone-runs --out report.html

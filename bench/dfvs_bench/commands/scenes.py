@@ -10,11 +10,11 @@ from dfvs_bench.report.contact_sheet import contact_sheet
 from dfvs_bench.trials.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
 from dfvs_bench.trials.settings import SETTINGS, setting_tasks
 from dfvs_bench.trials.task import BenchTask
+from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
-from dfvs_sim.options import require_file
 
 _EPILOG = """examples:
   dfvs-bench scenes --sheet scenes.png

@@ -15,11 +15,11 @@ from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.messages.goal import Mount
 from dfvs_sim.demo.flight.flight import Flight, NotReadyError
-from dfvs_sim.demo.flight.track import TrackPoint
+from dfvs_sim.demo.flight.track import TrackPoint, meets_criterion
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, write_results
+from dfvs_sim.demo.results.summary import write_results
 from dfvs_sim.render.truth import visibility
 
 _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_ratio")
@@ -66,8 +66,7 @@ def since(states: Sequence[tuple[int, str]], wanted: str, start_ns: int) -> floa
 
 def within_s(points: Sequence[TrackPoint], start_ns: int) -> float | None:
     """Seconds from a time until the error stays within 5 cm and 1 degree, or None."""
-    limit_rad = math.radians(CONVERGED_DEG)
-    first = settled_index([p.error_m < CONVERGED_M and p.error_rad < limit_rad for p in points])
+    first = settled_index([meets_criterion(p.error_m, p.error_rad) for p in points])
     return None if first is None else (points[first].t_ns - start_ns) * 1e-9
 
 

@@ -12,8 +12,8 @@ from dfvs_bench.lockstep.flight import LockstepLog, Sample
 from dfvs_bench.trials.statistics import largest, mean, settled_index
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.exchange import Status
+from dfvs_sim.demo.flight.track import CONVERGED_M, CONVERGED_RAD, meets_criterion
 
-CONVERGED_M, CONVERGED_RAD = 0.05, math.radians(1.0)
 FALSE_DONE_M, FALSE_DONE_DEG = 3.0 * CONVERGED_M, 3.0 * math.degrees(CONVERGED_RAD)
 _FIRST_METRE_M = 1.0
 _LEAST_DISTANCE_M = 0.1
@@ -83,8 +83,7 @@ def simulated_flight(seed: int, T_scene_goal: FloatArray, log: LockstepLog) -> S
 
 def _within_s(samples: Sequence[Sample]) -> float | None:
     """Time after which the error stays within 5 cm and 1 degree, None if it does not."""
-    inside = [s.error_m < CONVERGED_M and s.error_rad < CONVERGED_RAD for s in samples]
-    first = settled_index(inside)
+    first = settled_index([meets_criterion(s.error_m, s.error_rad) for s in samples])
     return None if first is None else samples[first].t_s
 
 

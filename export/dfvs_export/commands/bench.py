@@ -5,6 +5,7 @@ import json
 from dataclasses import asdict
 
 from dfvs_common.atomic_file import replace_file
+from dfvs_common.command_line import require_file
 from dfvs_export.checks.timing import BenchPlan, bench
 from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
@@ -18,6 +19,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
     ConfigError, ModelError
         If a bundle cannot be used, or the results cannot be written.
     """
+    require_file("--json", arguments.json)
     plan = BenchPlan(network_size(arguments.size), arguments.threads, arguments.runs)
     results = bench([bundle_folder(name) for name in arguments.bundles], plan)
     for r in results:

@@ -11,6 +11,7 @@ from typing import ClassVar, TypeVar
 import torch
 from torch import nn
 
+from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
 
 T = TypeVar("T")
@@ -28,7 +29,7 @@ class TrainSettings:
     Raises
     ------
     ConfigError
-        If it trains nothing, or its checkpoint lies in no folder.
+        If it trains nothing, or its checkpoint lies in no folder or is one.
     """
 
     pairs: Path
@@ -46,8 +47,7 @@ class TrainSettings:
         for name in self.POSITIVE:
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
-        if not self.out.absolute().parent.is_dir():
-            raise ConfigError(f"{self.out} lies in no folder", "an existing folder")
+        require_file("--out", self.out)
 
     def history(self, before: str, what: str) -> str:
         """Paragraph for the model card: how the weights came about, and what was learnt since."""

@@ -6,20 +6,15 @@ import time
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.command_line import require_file, require_folder
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_common.progress import log
 from dfvs_robustness.answers.report import read_answers
-from dfvs_robustness.faults.matrix import (
-    Case,
-    Result,
-    all_faults,
-    append_result,
-    plan,
-    read_outcomes,
-    run_matrix,
-)
+from dfvs_robustness.faults.fault import Case
+from dfvs_robustness.faults.matrix import all_faults, append_result, plan, read_outcomes, run_matrix
 from dfvs_robustness.faults.report import Report, make_rows
-from dfvs_sim.options import require_file, require_folder, require_range
+from dfvs_robustness.faults.workers import Result
+from dfvs_sim.options import require_range
 
 _EPILOG = """examples:
   dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, judge, latency_figures
@@ -17,7 +18,6 @@ from dfvs_sim.options import (
     add_camera_options,
     add_scene_option,
     camera_from,
-    require_file,
     require_range,
     write_json,
 )

@@ -99,6 +99,15 @@ def fault(
 
 
 @dataclass(frozen=True, slots=True)
+class Case:
+    """One cell of the matrix with one seed."""
+
+    fault: str
+    state: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """What came of a case; ``cause`` is the gate's own word for it."""
 

@@ -7,7 +7,7 @@ import re
 import sys
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from dfvs_models.evaluation import LEVELS
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
 from dfvs_rooms.generator.splits import BENCHMARK_SEEDS, require_training
 from dfvs_rooms.lighting.bake import light_room
-from dfvs_rooms.pairs.evaluation import PairSampler, evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.evaluation import PairSampler, ViewPair, evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer
@@ -188,16 +188,20 @@ def _write_file(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:
     rng = np.random.default_rng([args.seed, 4])
     levels = [LEVELS[k % len(LEVELS)] for k in range(args.count)]
     started = time.monotonic()
-    rooms = list(scenes.values())
-    samplers: dict[int, PairSampler] = {}
-    pairs = []
-    for k, level in enumerate(levels):
-        room = k // len(LEVELS) % len(rooms)
-        if room not in samplers:
-            samplers[room] = PairSampler(Renderer(rooms[room]()))
-        pairs.append(samplers[room].evaluation_pair(level, rng))
-        _show_progress(k + 1, args.count, "pairs", started)
-    write_arrays(args.out, evaluation_arrays(pairs, levels))
+    pairs: dict[int, ViewPair] = {}
+
+    def draw(scene: Callable[[], Scene], turns: Sequence[int]) -> None:
+        """All pairs of a room, which is kept in memory for so long."""
+        sampler = PairSampler(Renderer(scene()))
+        for k in turns:
+            pairs[k] = sampler.evaluation_pair(levels[k], rng)
+            _show_progress(len(pairs), args.count, "pairs", started)
+
+    for room, scene in enumerate(scenes.values()):
+        turns = [k for k in range(args.count) if k // len(LEVELS) % len(scenes) == room]
+        if turns:
+            draw(scene, turns)
+    write_arrays(args.out, evaluation_arrays([pairs[k] for k in range(args.count)], levels))
     return {args.out: len(pairs)}
 
 

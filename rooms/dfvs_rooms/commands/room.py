@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -73,8 +74,10 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
-    for path, ending in ((args.out, ".glb"), (args.preview, ".png")):
-        _check_output(path, ending)
+    for option, path, ending in (("--out", args.out, ".glb"), ("--preview", args.preview, ".png")):
+        if path is not None and path.suffix.lower() != ending:
+            raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
+        require_file(option, path)
     settings = BakeSettings(samples=args.samples, seed=args.seed)
     if args.light == "traced":
         load_mitsuba()
@@ -99,16 +102,6 @@ def _lit(room: Room, args: argparse.Namespace, settings: BakeSettings) -> Scene:
     scene = bake_room(room, settings, _show_progress)
     print(file=sys.stderr)
     return scene
-
-
-def _check_output(path: Path | None, ending: str) -> None:
-    """Refuse an output that could not be written after minutes of work."""
-    if path is None:
-        return
-    if path.suffix.lower() != ending:
-        raise ConfigError(f"the output is {str(path)!r}", f"a name that ends in {ending}")
-    if not path.absolute().parent.is_dir():
-        raise ConfigError(f"{path} lies in no folder", "an existing folder")
 
 
 def _show_progress(done: int, total: int) -> None:

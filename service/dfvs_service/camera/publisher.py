@@ -10,13 +10,12 @@ import zenoh.ext
 
 from dfvs_common.clock import local_clock
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import MAX_FRAME_BYTES, Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, check_frame_size, encode_frame
 from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.sources.source import check_size
-from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.zenoh_session import has_subscriber, publish_kept
 
@@ -71,18 +70,15 @@ class FramePublisher:
         Raises
         ------
         CameraError
-            If it has not the size of the calibration, or is too large for a message.
+            If it has not the size of the calibration.
+        ImageError
+            If it is too large for a message.
         """
         check_size(captured, self._options.wanted_size, "the camera")
         pixel_format = self._options.pixel_format
         frame = Frame(captured.image, captured.t_capture_ns, self.count)
         payload, attachment = encode_frame(frame, pixel_format, self._clock, self._options.quality)
-        if len(payload) > MAX_FRAME_BYTES:
-            raise CameraError(
-                f"a frame has {len(payload) / 1e6:.1f} MB",
-                f"at most {MAX_FRAME_BYTES / 1e6:.1f} MB, or nobody receives it",
-                "choose `--format jpeg` or a smaller `--size`",
-            )
+        check_frame_size(payload)
         self._frames.put(payload, encoding=pixel_format.media_type, attachment=attachment)
         self.count += 1
         self.bytes += len(payload)

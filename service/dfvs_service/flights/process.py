@@ -7,7 +7,7 @@ import time
 from types import FrameType
 
 from dfvs_common.lifecycle import ORPHANED
-from dfvs_common.progress import log
+from dfvs_common.progress import warn
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
 from dfvs_service.flights.store import FlightStore, flights_folder
@@ -40,7 +40,7 @@ class BlackBoxProcess:
         self._socket.bind(str(runtime.black_box_socket))
         clock = Clock(time.monotonic_ns, time.time_ns)
         store = FlightStore(flights_folder(config.black_box, os.environ))
-        self._box = BlackBox(config, store, runtime, clock, _warn)
+        self._box = BlackBox(config, store, runtime, clock, warn)
 
     def stop(self, number: int, _frame: FrameType | None) -> None:
         """Signal handler: keep what has come, then end; a while later if the parent is gone."""
@@ -59,7 +59,7 @@ class BlackBoxProcess:
         self._box.close()
         self._socket.close()
         if self._box.dropped:
-            _warn(f"the black box lacks {self._box.dropped} records")
+            warn(f"the black box lacks {self._box.dropped} records")
 
     def _receive(self, wait_s: float) -> None:
         """Take the records that have come; wait for the first one at most so long."""
@@ -70,7 +70,3 @@ class BlackBoxProcess:
             except BlockingIOError:
                 return
             self._box.add(*split_record(datagram))
-
-
-def _warn(line: str) -> None:
-    log(f"warning: {line}")

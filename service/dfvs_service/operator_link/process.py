@@ -13,7 +13,7 @@ from types import FrameType
 
 import zenoh
 
-from dfvs_common.progress import log as log_line
+from dfvs_common.progress import warn
 from dfvs_core.gate.config import Engage
 from dfvs_core.messages.link import CommandAnswer, ForwardedCommand, FromGate
 from dfvs_core.messages.schema import dump, to_json
@@ -27,7 +27,7 @@ from dfvs_service.pace import Pace, StatePace
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import link_zenoh, open_persistently, open_session
+from dfvs_service.zenoh_session import attachment_of, link_zenoh, open_persistently, open_session
 
 _TURN_S = 0.05
 _MAX_ANSWERS = 64
@@ -82,7 +82,7 @@ class OperatorLink:
         """Open Zenoh's listening end, or wait for the router; None if stopped before."""
         section = link_zenoh(self._config.zenoh, self._runtime)
         if section.mode == "client":
-            return open_persistently(section, lambda: self._stopped, _warn)
+            return open_persistently(section, lambda: self._stopped, warn)
         return open_session(section, (self._config.vehicle.name,))
 
     def _serve(self, session: zenoh.Session) -> None:
@@ -134,14 +134,9 @@ class OperatorLink:
 
     def _on_goal(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep a new goal unopened, and let the gate judge its command."""
-        signed = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        payload = sample.payload.to_bytes()
+        payload, signed = sample.payload.to_bytes(), attachment_of(sample)
         self._forward(self._filter.receive_goal(payload, signed, time.monotonic_ns()))
 
     def _forward(self, command: ForwardedCommand | None) -> None:
         if command is not None:
             self._gate.send(command)
-
-
-def _warn(line: str) -> None:
-    log_line(f"warning: {line}")

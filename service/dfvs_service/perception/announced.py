@@ -7,7 +7,7 @@ import zenoh
 import zenoh.ext
 
 from dfvs_common.clock import local_clock
-from dfvs_common.progress import log
+from dfvs_common.progress import warn
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
@@ -40,7 +40,7 @@ class CameraDoubts:
             problem = disagreement(self._camera, announced)
         if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
             self._reported.add(problem)
-            log(f"warning: {problem}")
+            warn(problem)
 
 
 def subscribe_calibration(

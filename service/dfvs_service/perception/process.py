@@ -47,7 +47,7 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import inner_zenoh, open_persistently, open_within
+from dfvs_service.zenoh_session import attachment_of, inner_zenoh, open_persistently, open_within
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
@@ -194,7 +194,7 @@ class PerceptionProcess:
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
-        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        attachment = attachment_of(sample)
         now_ns = time.monotonic_ns()
         if self._rate_limiter is None or self._rate_limiter.admits(attachment, now_ns):
             self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dfvs_common.progress import log
+from dfvs_common.progress import warn
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.follow import Follower
@@ -50,7 +50,7 @@ def record(
     """
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     name = free_name(folder, f"{config.vehicle.name}-{stamp}")
-    recorder = Recorder(folder, name, config.record, time.monotonic_ns, _warn)
+    recorder = Recorder(folder, name, config.record, time.monotonic_ns, warn)
     for events in follower.events():
         for message, payload in events:
             if isinstance(message, SessionHeader):
@@ -64,7 +64,7 @@ def record(
     counts = recorder.counts
     counts.missing += follower.dropped
     if counts.missing or counts.dropped:
-        _warn(f"the recording lacks {counts.missing + counts.dropped} frame records")
+        warn(f"the recording lacks {counts.missing + counts.dropped} frame records")
     return RecordSummary(str(folder), name, recorder.size_bytes, counts)
 
 
@@ -98,7 +98,3 @@ def progress_text(recorder: Recorder) -> str:
     lost = counts.missing + counts.dropped
     size_mb = recorder.size_bytes / 1e6
     return f"{counts.records} frame records, {size_mb:.1f} MB, {lost} lost  {where}"
-
-
-def _warn(line: str) -> None:
-    log(f"warning: {line}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
-from dfvs_common.progress import StatusLine, log
+from dfvs_common.progress import StatusLine, warn
 from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
@@ -72,7 +72,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     )
     progress.clear()
     for line in result.warnings:
-        log(f"warning: {line}")
+        warn(line)
     comparison = compare(result.frames)
     text = text_report(comparison, result.reasons)
     print(text)

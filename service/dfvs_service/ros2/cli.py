@@ -11,7 +11,7 @@ from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.ros2 import Ros2Link
+from dfvs_core.messages.ros2 import Ros2Link, vehicle_namespace
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 _EPILOG = """\
@@ -57,6 +57,7 @@ def _relay(arguments: argparse.Namespace) -> int:
     stop, config = stop_event(), settings_from(arguments)
     if not 0 <= arguments.domain <= 232:
         raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
+    vehicle_namespace(config.vehicle.name)  # refused before any link is waited for
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
     from dfvs_service.command import operators_zenoh
     from dfvs_service.ros2.relay import Relay

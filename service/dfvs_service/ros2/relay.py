@@ -13,7 +13,7 @@ from dfvs_common.clock import local_clock
 from dfvs_common.ros2 import Ros2Publisher
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import FrameHeader, decode_header
-from dfvs_core.messages.ros2 import Ros2Link, Ros2Node, Ros2Topic
+from dfvs_core.messages.ros2 import Ros2Link, Ros2Node, Ros2Topic, vehicle_namespace
 from dfvs_core.messages.topics import Topics
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
@@ -23,6 +23,7 @@ from dfvs_service.ros2.telemetry import (
     preview_message,
     setpoint_message,
 )
+from dfvs_service.zenoh_session import attachment_of
 
 _SERVO_AGE_NS = 1_000_000_000
 """Figures of a frame are left out once they are older."""
@@ -61,7 +62,7 @@ class Relay:
         self._servo: Mapping[str, Any] = {}
         self._servo_ns = tick()
         """Time of arrival: the document's own may be by another machine's clock."""
-        space = vehicle.replace("-", "_")
+        space = vehicle_namespace(vehicle)
         node = Ros2Node(str(ros.zid()), f"dfvs_{space}", domain)
         names = (
             (f"{space}/dfvs/setpoint", TWIST),
@@ -109,9 +110,8 @@ class Relay:
         self._diagnostics.put(report, stamp_ns)
 
     def _on_preview(self, sample: zenoh.Sample) -> None:
-        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         try:
-            header = decode_header(attachment)
+            header = decode_header(attachment_of(sample))
         except WireError as error:
             log.warning("preview left out: %s", error)
             return

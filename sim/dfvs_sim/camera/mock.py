@@ -11,9 +11,8 @@ import numpy as np
 import zenoh
 
 from dfvs_common.clock import local_clock
-from dfvs_core.errors import ImageError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import MAX_FRAME_BYTES, Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, check_frame_size, encode_frame
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
@@ -110,12 +109,7 @@ class MockCamera:
         image = self._noise.apply(image, self._rng)
         frame = Frame(image, t_ns, self.frames)
         payload, attachment = encode_frame(frame, self._config.pixel_format, self._clock)
-        if len(payload) > MAX_FRAME_BYTES:
-            raise ImageError(
-                f"a frame has {len(payload) / 1e6:.1f} MB",
-                f"at most {MAX_FRAME_BYTES / 1e6:.1f} MB, or nobody receives it",
-                "choose `--format jpeg` or a smaller `--size`",
-            )
+        check_frame_size(payload)
         taken_ns = time.monotonic_ns() - begun_ns
         lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
         self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)

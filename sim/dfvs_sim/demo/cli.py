@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_file
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
@@ -17,7 +17,7 @@ from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, i
 from dfvs_sim.demo.options import VEHICLE_NAME
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.runs import fly_fleet, fly_seeds
-from dfvs_sim.options import add_camera_options, add_scene_option, require_file, require_range
+from dfvs_sim.options import add_camera_options, add_scene_option, require_range
 
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room

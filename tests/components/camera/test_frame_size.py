@@ -13,7 +13,6 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
-from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 
@@ -24,7 +23,7 @@ LARGE = np.zeros((1536, 2048, 3), np.uint8)
 def test_a_camera_refuses_a_frame_that_nobody_would_receive():
     with listening_peer() as (session, _):
         raw = FramePublisher(session, PublishOptions("drone1", PixelFormat.RGB8))
-        with pytest.raises(CameraError, match=r"9\.4 MB.*--format jpeg"):
+        with pytest.raises(ImageError, match=r"9\.4 MB.*--format jpeg"):
             raw.publish(CapturedImage(LARGE, time.monotonic_ns()))
         assert raw.count == 0
         jpeg = FramePublisher(session, PublishOptions("drone1", PixelFormat.JPEG))

@@ -216,6 +216,16 @@ def test_bench_refuses_images_of_another_size_than_a_flow_network_takes(
     assert "takes 160x120 px; expected 320x240" in error
 
 
+@pytest.mark.parametrize(
+    ("name", "said"), [("", "is a folder"), ("none/bench.json", "lies in no folder")]
+)
+def test_bench_refuses_an_output_that_cannot_be_written_before_it_measures(
+    tmp_path: Path, refused, name: str, said: str
+) -> None:
+    words = ["--size", "320x240", "--json", tmp_path / name]
+    assert said in refused(main, "bench", tmp_path / "no-bundle", *words)
+
+
 def changed(checkpoint: Path, path: Path, part: str, name: str, by: float) -> Path:
     """Checkpoint in which one weight of the encoder or matcher is larger."""
     weights = load_weights(checkpoint)

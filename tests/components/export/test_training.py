@@ -86,6 +86,7 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(trained, tm
     [
         ("train --pairs PAIRS --out x.pt --minutes 0", "minutes is 0.0"),
         ("train --pairs PAIRS --out none/there.pt", "lies in no folder"),
+        ("train --pairs PAIRS --out ..", "--out .. is a folder"),
         ("train --pairs empty --out x.pt", "no pairs in"),
         ("train-depth --from f.pt --pairs PAIRS --out x.pt --minutes 0", "minutes is 0.0"),
         ("train-depth --from f.pt --pairs PAIRS --out x.pt --threads -1", "threads is -1"),

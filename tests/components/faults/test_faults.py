@@ -8,7 +8,8 @@ import pytest
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import run_answers
 from dfvs_robustness.cli import main
-from dfvs_robustness.faults.matrix import Case, run_matrix
+from dfvs_robustness.faults.fault import Case
+from dfvs_robustness.faults.matrix import run_matrix
 
 pytestmark = pytest.mark.serial
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from board_pictures import board_picture, board_poses
 
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import rotation_from_euler
 from dfvs_core.messages.image import encode_png
@@ -65,17 +65,32 @@ def test_the_lens_is_recovered(found):
     assert (np.abs(error) < 4 * np.array(result.deviations_px)).all()
 
 
-def test_exact_corners_give_the_lens_back_with_our_pixel_centres():
+def exact_views(project):
+    """Boards whose corners (N, 3) m are exactly where they are projected to."""
     rng = np.random.default_rng(5)
     board = Board(parse_board(BOARDS["chessboard"]))
     x, y = np.meshgrid(np.arange(-3, 4) * 0.03, np.arange(-2, 3) * 0.03)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(35)], axis=1)
     views = []
     for i, pose in enumerate(board_poses(CAMERA, board, 12, rng)):
-        pixels = CAMERA.project(points @ pose[:3, :3].T + pose[:3, 3]) - 0.5  # OpenCV's origin
+        pixels = project(points @ pose[:3, :3].T + pose[:3, 3]) - 0.5  # OpenCV's origin
         views.append(BoardView(str(i), points.astype(np.float32), pixels.astype(np.float32)))
-    camera = calibrate(views, CAMERA.size, "plumb_bob").camera
+    return views
+
+
+def test_exact_corners_give_the_lens_back_with_our_pixel_centres():
+    camera = calibrate(exact_views(CAMERA.project), CAMERA.size, "plumb_bob").camera
     assert greatest_difference_px(CAMERA, camera) < 0.01
+
+
+def test_a_fit_that_folds_back_in_the_image_is_refused():
+    def project(points):
+        xy = points[:, :2] / points[:, 2:] / 3.0  # in the middle of the image alone
+        radial = 1.0 - 1.5 * (xy**2).sum(axis=1, keepdims=True)
+        return 400.0 * xy * radial + [240.0, 180.0]
+
+    with pytest.raises(GeometryError, match="folds back in the image"):
+        calibrate(exact_views(project), CAMERA.size, "plumb_bob")
 
 
 def test_a_pinhole_fit_has_no_distortion_and_says_by_its_error_that_it_is_none(found):

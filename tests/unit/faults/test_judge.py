@@ -2,24 +2,21 @@
 
 import dataclasses
 import math
-import queue
 
 import pytest
 
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome, Reaction
+from dfvs_robustness.faults.fault import NO_VERDICT, Case, Fault, Outcome, Reaction
 from dfvs_robustness.faults.judging import Oracle, judge
 from dfvs_robustness.faults.matrix import (
-    Case,
-    Result,
     all_faults,
     append_result,
-    pass_on,
     plan,
     read_outcomes,
     shared_harness,
 )
 from dfvs_robustness.faults.report import Report, make_rows
+from dfvs_robustness.faults.workers import Result
 
 MS = 1_000_000
 S = GateState
@@ -188,32 +185,6 @@ def test_a_report_passes_only_where_every_planned_case_was_run(not_run, passed):
     report = Report(make_rows([good], {"x": fault(Reaction.HOLD)}), [], not_run)
     assert report.passed == passed
     assert ("1 of 1 cases passed, 1 not run" in report.verdict) == (not passed)
-
-
-class Worker:
-    """A worker that ends, or is killed, once its results are taken."""
-
-    def __init__(self, done):
-        self._done = done
-
-    def is_alive(self):
-        return not self._done.empty()
-
-
-class Results(queue.Queue):
-    """A queue without a pause in which nothing comes."""
-
-    def get(self, timeout):
-        return super().get(block=False)
-
-
-def test_a_matrix_ends_where_a_worker_is_killed_and_the_others_are_through():
-    done, taken = Results(), []
-    reported = [Result(violations=("first",)), Result(violations=("second",))]
-    for result in (reported[0], None, reported[1]):  # one of two says that it is through
-        done.put(result)
-    pass_on(done, [Worker(done), Worker(done)], taken.append)
-    assert taken == reported
 
 
 def test_the_plan_holds_every_fault_in_each_of_its_states_for_every_seed():

@@ -242,6 +242,7 @@ def test_a_rectified_image_is_that_of_the_projection_matrix_without_distortion(n
         (lambda: info_message((640, 480), K, binning_x=2), WireError),
         (lambda: info_message((640, 480), [np.nan] * 9), GeometryError),
         (lambda: info_message((0, 0), K), GeometryError),
+        (lambda: info_message((640, 480), K, (-1.5, 0.0, 0.0, 0.0)), GeometryError),
         (lambda: b"\x00\x01\x00\x00", WireError),
     ],
 )

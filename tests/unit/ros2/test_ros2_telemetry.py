@@ -2,6 +2,7 @@
 
 import pytest
 
+from dfvs_service.ros2.cli import main
 from dfvs_service.ros2.messages import decode, encode
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
@@ -77,3 +78,8 @@ def test_the_preview_is_passed_on_untouched():
     message = through_the_wire(IMAGE, preview_message(jpeg, STAMP_NS))
     assert message.format == "jpeg"
     assert message.data.tobytes() == jpeg
+
+
+def test_a_vehicle_whose_name_ros_2_does_not_allow_is_refused_at_the_start(refused):
+    error = refused(main, "--vehicle", "7", "--set", "zenoh.connect=['tcp/127.0.0.1:1']")
+    assert "vehicle name '7' with ROS 2; expected a name that begins with a letter" in error

@@ -180,6 +180,9 @@ def test_without_anything_known_of_the_lens_there_is_no_flight():
         ServiceConfig().with_camera((320, 240), None)
 
 
+LENS = {"camera.fx": 200.0, "camera.fy": 200.0, "camera.cx": 160.0, "camera.cy": 120.0}
+
+
 @pytest.mark.parametrize(
     "settings",
     [
@@ -188,6 +191,7 @@ def test_without_anything_known_of_the_lens_there_is_no_flight():
         {"camera.horizontal_fov_deg": 90, "camera.fx": 100.0},
         {"camera.horizontal_fov_deg": 90, "camera.distortion": [0.1, 0.0, 0.0, 0.0]},
         {"camera.fx": 9.0, "camera.fy": 9.0, "camera.cx": 999.0, "camera.cy": 9.0},
+        {**LENS, "camera.distortion": [-1.5, 0.0, 0.0, 0.0]},
     ],
 )
 def test_half_given_or_impossible_intrinsics_are_refused(settings):

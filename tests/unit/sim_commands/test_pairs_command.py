@@ -1,4 +1,5 @@
 import json
+import weakref
 
 import numpy as np
 import pytest
@@ -26,6 +27,32 @@ def test_an_evaluation_file_takes_the_levels_in_turn(tmp_path, capsys):
     first = out.read_bytes()
     run(*words, "--out", out)
     assert out.read_bytes() == first
+
+
+def test_rooms_take_turns_and_one_at_a_time_is_in_memory(tmp_path, monkeypatch):
+    alive, most, written = weakref.WeakSet(), [], []
+
+    class Sampler:
+        """Knows its room; draws pairs that say it."""
+
+        def __init__(self, room):
+            self.room = room
+            alive.add(self)
+
+        def evaluation_pair(self, level, rng):
+            most.append(len(alive))
+            return self.room, level
+
+    monkeypatch.setattr(pairs, "_lit_room", lambda seed, kinds: seed)
+    monkeypatch.setattr(pairs, "Renderer", lambda scene: scene)
+    monkeypatch.setattr(pairs, "PairSampler", Sampler)
+    monkeypatch.setattr(pairs, "evaluation_arrays", lambda pairs, levels: pairs)
+    monkeypatch.setattr(pairs, "write_arrays", lambda path, arrays: written.extend(arrays))
+    out = tmp_path / "rooms.npz"
+    run("--rooms", "5-7", "--count", "16", "--seed", "1", "--out", out)
+    assert [room for room, _ in written] == [5, 5, 5, 6, 6, 6, 7, 7, 7, 5, 5, 5, 6, 6, 6, 7]
+    assert [level for _, level in written] == [*["small", "medium", "large"] * 5, "small"]
+    assert max(most) == 1
 
 
 def test_wide_pairs_are_a_file_a_room_and_kept_where_they_exist(tmp_path, capsys):

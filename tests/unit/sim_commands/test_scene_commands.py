@@ -124,10 +124,12 @@ class TestRoom:
             (["--seed", "1", "--out", "room.obj"], r"ends in \.glb"),
             (["--seed", "-1", "--out", "room.glb"], "--seed is -1"),
             (["--seed", "1", "--out", "none/room.glb"], "lies in no folder"),
+            (["--seed", "1", "--out", "made.glb"], "--out made.glb is a folder"),
             (["--seed", "1", "--out", "room.glb", "--samples", "0"], "0 light paths"),
         ],
     )
     def test_says_what_is_wrong_before_the_work(self, tmp_path, monkeypatch, words, match):
         monkeypatch.chdir(tmp_path)
+        (tmp_path / "made.glb").mkdir()
         with pytest.raises(DfvsError, match=match):
             run_subcommand(room, *words)

@@ -1,7 +1,14 @@
 import pytest
 
 from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.messages.ros2 import IMAGE, Ros2Attachment, Ros2Node, Ros2Topic, decode_attachment
+from dfvs_core.messages.ros2 import (
+    IMAGE,
+    Ros2Attachment,
+    Ros2Node,
+    Ros2Topic,
+    decode_attachment,
+    vehicle_namespace,
+)
 
 HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
 TOPIC = Ros2Topic("/drone1/camera/image_raw", IMAGE, domain=5)
@@ -46,3 +53,7 @@ def test_tokens_announce_node_and_publisher_as_rmw_zenoh_does():
         f"{prefix}/10/MP/%/%/dfvs_drone1/%drone1%camera%image_raw/"
         f"sensor_msgs::msg::dds_::Image_/{HASH}/::,10:,:,:,,"
     )
+
+
+def test_a_dash_in_a_vehicle_s_name_is_an_underscore_in_ros_2():
+    assert vehicle_namespace("drone-7_a") == "drone_7_a"

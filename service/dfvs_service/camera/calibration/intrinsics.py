@@ -1,13 +1,14 @@
 """Estimation of a camera's intrinsics from images of a calibration board."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.calibration.boards import BoardView
 
@@ -69,20 +70,40 @@ def calibrate(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> 
     ------
     ConfigError
         If there are too few images, or they fix no camera.
+    GeometryError
+        If no camera can have the intrinsics that fit best.
     """
-    first = _fit(views, size, lens)
-    errors_px = [view.error_px for view in first.views]
-    limit = max(_OUTLIER * float(np.median(errors_px)), _OUTLIER_PX)
-    used = [view for view, e in zip(views, errors_px, strict=True) if e <= limit]
-    if len(used) == len(views):
-        return first
-    fit = _fit(used, size, lens)
-    by_name = {view.name: view for view in fit.views}
-    judged = (by_name.get(view.name, replace(view, is_used=False)) for view in first.views)
-    return replace(fit, views=tuple(judged))
+    fit = _fit(views, size, lens)
+    errors_px = dict(zip((view.name for view in views), fit.errors_px, strict=True))
+    limit = max(_OUTLIER * float(np.median(fit.errors_px)), _OUTLIER_PX)
+    used = [view for view in views if errors_px[view.name] <= limit]
+    if len(used) < len(views):
+        fit = _fit(used, size, lens)
+        errors_px |= zip((view.name for view in used), fit.errors_px, strict=True)
+    names = {view.name for view in used}
+    judged = tuple(
+        ViewError(view.name, errors_px[view.name], len(view.pixels), view.name in names)
+        for view in views
+    )
+    return Calibration(fit.camera(size), fit.rms_px, judged, fit.deviations_px)
 
 
-def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> Calibration:
+class _Fit(NamedTuple):
+    """What OpenCV finds: errors are those of the views, deviations those of fx, fy, cx, cy, px."""
+
+    rms_px: float
+    K: FloatArray
+    distortion: tuple[float, ...]
+    errors_px: list[float]
+    deviations_px: tuple[float, float, float, float]
+
+    def camera(self, size: tuple[int, int]) -> CameraModel:
+        """The camera in our pixel convention."""
+        cx, cy = (float(value) + _PIXEL_CENTRE for value in self.K[:2, 2])
+        return CameraModel(*size, float(self.K[0, 0]), float(self.K[1, 1]), cx, cy, self.distortion)
+
+
+def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
     if len(views) < FEWEST_VIEWS:
         raise ConfigError(
             f"{len(views)} usable images of the board",
@@ -105,18 +126,11 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> Calib
     if not np.isfinite(rms):
         raise ConfigError("the images fix no camera", "boards at different tilts")
     coefficients = np.asarray(distortion).reshape(-1)[: _COEFFICIENTS[lens]]
-    camera = CameraModel(
-        size[0],
-        size[1],
-        float(K[0, 0]),
-        float(K[1, 1]),
-        float(K[0, 2]) + _PIXEL_CENTRE,
-        float(K[1, 2]) + _PIXEL_CENTRE,
-        tuple(float(value) for value in coefficients),
-    )
     fx, fy, cx, cy = (float(value) for value in np.asarray(deviations).reshape(-1)[:4])
-    judged = tuple(
-        ViewError(view.name, float(error), len(view.pixels), is_used=True)
-        for view, error in zip(views, np.asarray(errors).reshape(-1), strict=True)
+    return _Fit(
+        float(rms),
+        np.asarray(K),
+        tuple(float(value) for value in coefficients),
+        [float(error) for error in np.asarray(errors).reshape(-1)],
+        (fx, fy, cx, cy),
     )
-    return Calibration(camera, float(rms), judged, (fx, fy, cx, cy))

@@ -16,7 +16,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.dashboard.vehicles.sample import Arrival
 from dfvs_service.settings.sections import ZenohSection
-from dfvs_service.zenoh_session import open_session, subscribe_kept
+from dfvs_service.zenoh_session import attachment_of, open_session, subscribe_kept
 
 DOCUMENTS = ("state", "servo", "timing")
 KEPT = ("config", "goal")
@@ -108,8 +108,8 @@ class Receiver:
         match = _KEY.fullmatch(str(sample.key_expr))
         if match is None or not _is_name(match[1]):
             return
-        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        self._deliver(Arrival(match[1], match[2], sample.payload.to_bytes(), attachment))
+        payload = sample.payload.to_bytes()
+        self._deliver(Arrival(match[1], match[2], payload, attachment_of(sample)))
 
 
 def _is_name(text: str) -> bool:

@@ -11,6 +11,9 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
 
+CONVERGED_M, CONVERGED_RAD = 0.05, math.radians(1.0)
+"""Criterion of a flight: below them the camera is at the goal."""
+
 _RATE_HZ = 20.0
 _SETTLED_NS = 500_000_000
 
@@ -54,6 +57,11 @@ class Track:
     def between(self, start_ns: int, end_ns: int) -> list[TrackPoint]:
         """Points of a span of time."""
         return [p for p in self.points if start_ns <= p.t_ns <= end_ns]
+
+
+def meets_criterion(error_m: float, error_rad: float) -> bool:
+    """Whether an error against the goal is within 5 cm and 1 degree."""
+    return error_m < CONVERGED_M and error_rad < CONVERGED_RAD
 
 
 def path_length_m(points: list[TrackPoint]) -> float:

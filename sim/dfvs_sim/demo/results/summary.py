@@ -14,11 +14,8 @@ import numpy as np
 from dfvs_common.atomic_file import replace_json
 from dfvs_sim.demo.flight.engagement import READY, UNDER_WAY
 from dfvs_sim.demo.flight.flight import FlightLog
-from dfvs_sim.demo.flight.track import path_length_m, settled_error
+from dfvs_sim.demo.flight.track import meets_criterion, path_length_m, settled_error
 from dfvs_sim.vehicle.record import read_record
-
-CONVERGED_M = 0.05
-CONVERGED_DEG = 1.0
 
 _COLUMNS = (
     ("start m", "initial_translation_m", 1.0, "7.2f"),
@@ -91,11 +88,9 @@ def summarise(log: FlightLog) -> FlightSummary:
     )
     final_m, final_rad = settled_error(log.judged)
     setpoints = _engaged_setpoints_ns(log)
-    done = log.end_state == "DONE"
     conditions = log.options.conditions if log.options.is_simulated else None
-    close = final_m < CONVERGED_M and math.degrees(final_rad) < CONVERGED_DEG
     return FlightSummary(
-        converged=done and close,
+        converged=log.end_state == "DONE" and meets_criterion(final_m, final_rad),
         seed=log.plan.seed,
         end_state=log.end_state,
         end_cause=log.end_cause,
