@@ -23,10 +23,12 @@ from dfvs_bench.trials.provenance import git_revision, run_facts
 from dfvs_bench.trials.run import Countdown
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json
 
 _EPILOG = """examples:
@@ -37,8 +39,9 @@ Every task is flown in real time, one after the other, as dfvs-demo flies: vehic
 and service are processes of their own. Start and goal are levelled: place and heading stay, roll
 and pitch are left out, and the goal image is taken anew from the level goal. A flight has
 converged if the service says DONE and the camera truly is within 5 cm and 1 degree. Its time is
-set against the least that the straight line takes under the limits in force. --resume keeps the
-flights in --runs that were made with the same settings.
+set against the least that the straight line takes under the limits in force. A flight that cannot
+be brought up is told as NOT READY with its cause; the others are flown, and the exit code is 1.
+--resume keeps the flights in --runs that were made with the same settings.
 """
 
 
@@ -69,12 +72,17 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly what is to be flown, print the table and write the files; exit code 0.
+    """Fly what is to be flown, print the table and write the files.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 1 where a flight could not be brought up.
 
     Raises
     ------
     DfvsError
-        If an option, a task or a scene cannot be used, or vehicle or service do not come up.
+        If an option, a task or a scene cannot be used.
     """
     _check(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
@@ -94,8 +102,9 @@ def run(args: argparse.Namespace) -> int:
             write_record(args.runs, record)
             kept[task.name] = record
             progress.log(f"{flight_line(record)} {countdown.step()}")
-    _finish(args, [kept[task.name] for task in tasks], time.monotonic() - began_s)
-    return 0
+    records = [kept[task.name] for task in tasks]
+    _finish(args, records, time.monotonic() - began_s)
+    return EXIT_FAILED if any(r.end_state == NOT_READY for r in records) else EXIT_OK
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -8,18 +8,18 @@ from pathlib import Path
 
 from dfvs_bench.drone.bound import straight_line_bound
 from dfvs_bench.drone.levelled import turn_rad
-from dfvs_bench.drone.records import NOT_READY, FlightRecord, Setting
+from dfvs_bench.drone.records import FlightRecord, Setting
 from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight.flight import Flight, NotReadyError
+from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
 from dfvs_sim.demo.flight.track import TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, write_results
+from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, NOT_READY, write_results
 from dfvs_sim.render.truth import visibility
 
 _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_ratio")
@@ -29,10 +29,12 @@ _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_rati
 def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> FlightRecord:
     """Fly a levelled task; its summary and logs go into the folder.
 
+    Where vehicle, pilot or service cannot be brought up, the record says so.
+
     Raises
     ------
-    DfvsError
-        If vehicle, pilot or service cannot be brought up.
+    ConfigError
+        If no flight can be brought up with these settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
     poses = (task.T_world_start, task.T_world_goal)
@@ -46,7 +48,7 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
     flight = Flight(plan, options, folder, lambda text: progress.log(f"  {text}"))
     try:
         log = flight.run(progress.show)
-    except NotReadyError as error:
+    except FLIGHT_ERRORS as error:
         return _record(task, setting, NOT_READY, str(error))
     figures = write_results(log, folder).to_json()
     return replace(

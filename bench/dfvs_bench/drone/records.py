@@ -10,9 +10,7 @@ from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions
-
-NOT_READY = "NOT READY"
-"""Instead of a gate's state, where the service would not fly."""
+from dfvs_sim.demo.results.summary import NOT_READY
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +74,7 @@ class FlightRecord:
     initial_translation_m, initial_rotation_deg : float
         As planned.
     end_state, end_cause : str
-        The gate's last state and why; ``NOT READY`` where the service would not fly.
+        The gate's last state and why; ``NOT READY`` where the flight could not be brought up.
     converged : bool
         The service says DONE, and the camera truly is within 5 cm and 1 degree.
     final_translation_m, final_rotation_deg : float or None

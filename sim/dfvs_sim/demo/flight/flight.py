@@ -23,8 +23,9 @@ from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
-from dfvs_sim.ground.pilot import Pilot
+from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
@@ -39,6 +40,10 @@ class FlightError(DfvsError):
 
 class NotReadyError(FlightError):
     """Everything runs, but the service will not fly, and says why."""
+
+
+FLIGHT_ERRORS = (FlightError, PilotError, LinkError)
+"""Errors of a flight that cannot be brought up, where the next one may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +118,10 @@ class Flight:
 
         Raises
         ------
-        DfvsError
-            If vehicle, pilot or service cannot be brought up.
+        FlightError, PilotError, LinkError
+            If vehicle, pilot or service cannot be brought up; see ``FLIGHT_ERRORS``.
+        ConfigError
+            If an address cannot be used, which every flight would meet.
         """
         for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
             write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))

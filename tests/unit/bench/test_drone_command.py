@@ -1,0 +1,72 @@
+"""``dfvs-bench drone`` as a command: flights that cannot be brought up, and its options."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dfvs_bench import cli
+from dfvs_bench.commands import drone as command
+from dfvs_bench.drone import flights
+from dfvs_bench.trials.task import BenchTask, write_tasks
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_sim.demo.flight.flight import Flight, NotReadyError
+from dfvs_sim.ground.pilot import PilotError
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.viewpoints.poses import camera_pose
+
+CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.3)
+START, GOAL = camera_pose((0.3, -1.25, -1.25), 0.85), camera_pose((0.5, -1.0, -1.3), 0.7)
+NAMES = ("hall", "room")
+
+
+@pytest.fixture
+def fly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Runs the command on two tasks without a matcher."""
+    monkeypatch.setattr(command, "load_matcher", lambda *_, **__: None)
+    tasks = [BenchTask(name, builtin_room_path(), START, GOAL, CAMERA) for name in NAMES]
+    write_tasks(tmp_path / "tasks.json", tasks)
+    files = "--tasks", str(tmp_path / "tasks.json"), "--runs", str(tmp_path / "runs")
+    return lambda *words: cli.main(
+        ["drone", *files, "--json", str(tmp_path / "drone.json"), *words]
+    )
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, *errors: DfvsError) -> list[DfvsError]:
+    """Have flights end with these errors, one each; returns those that have."""
+    met: list[DfvsError] = []
+
+    def run(_: Flight, __: object) -> None:
+        met.append(errors[len(met)])
+        raise met[-1]
+
+    monkeypatch.setattr(flights.Flight, "run", run)
+    return met
+
+
+def test_a_flight_that_cannot_be_brought_up_does_not_end_the_others(
+    fly: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    errors = PilotError("arming was temporarily rejected"), NotReadyError("no goal")
+    met = failing(monkeypatch, *errors)
+    assert fly() == 1
+    assert met == list(errors)
+    document = json.loads((tmp_path / "drone.json").read_text())
+    rows: dict[str, Any] = document["methods"]["service"]["per_scene"]
+    assert {row["end_state"] for row in rows.values()} == {"NOT READY"}
+    assert [rows[name]["end_cause"] for name in NAMES] == [str(error) for error in errors]
+    assert "NOT READY: arming was temporarily rejected" in capsys.readouterr().out
+
+
+def test_an_error_that_every_flight_would_meet_ends_the_run(
+    fly: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    met = failing(monkeypatch, *[ConfigError("cannot listen on UDP 127.0.0.1:14550")] * 2)
+    assert fly() == 2
+    assert len(met) == 1
