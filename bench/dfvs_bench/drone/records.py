@@ -64,15 +64,15 @@ class FlightRecord:
         Words for ``dfvs-service`` beside the matcher.
     seed : int
     start, goal : tuple of float
-        Levelled poses (4, 4) row by row, NED.
+        Levelled poses (4, 4) row by row, NED, as planned.
     size : tuple of int
         Width and height of the images, px.
     overlap : float
-        Share of the goal's pixels that the start sees.
+        Share of the goal's pixels that the planned start sees.
     limits : VelocityLimits
     bound : TimeBound
     initial_translation_m, initial_rotation_deg : float
-        As planned.
+        From the true pose at the pilot's switch, as the bound is; as planned without a flight.
     end_state, end_cause : str
         The gate's last state and why; ``NOT READY`` where the flight could not be brought up.
     converged : bool

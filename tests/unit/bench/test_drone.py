@@ -90,11 +90,10 @@ def test_a_camera_that_looks_straight_down_has_no_heading():
 
 
 def test_the_turn_is_the_change_of_heading():
-    assert turn_rad(levelled_task(TASK)) == pytest.approx(-0.5)
-    back = replace(TASK, T_world_start=camera_pose((0, 0, 0), 3.0))
-    assert turn_rad(replace(back, T_world_goal=camera_pose((0, 0, 0), -3.0))) == pytest.approx(
-        2 * np.pi - 6.0
-    )
+    level = levelled_task(TASK)
+    assert turn_rad(level.T_world_start, level.T_world_goal) == pytest.approx(-0.5)
+    east, west = (camera_pose((0, 0, 0), yaw) for yaw in (3.0, -3.0))
+    assert turn_rad(east, west) == pytest.approx(2 * np.pi - 6.0)
 
 
 def test_it_counts_as_within_only_once_it_stays_there():

@@ -69,6 +69,11 @@ class FlightLog:
     vehicle_record: Path | None
 
     @property
+    def flown(self) -> list[TrackPoint]:
+        """Path from the engagement to the end."""
+        return self.track.between(self.engaged_ns, self.ended_ns)
+
+    @property
     def judged(self) -> list[TrackPoint]:
         """Path from the engagement to a second after the end, when the pilot takes over."""
         return self.track.between(self.engaged_ns, self.ended_ns + round(_SETTLE_S * 1e9))
@@ -159,10 +164,7 @@ class Flight:
         pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
-        take_off = self._plan.take_off()
-        if take_off.remark:
-            self._log(take_off.remark)
-        to_scene = self._camera_poses(tracker, take_off.height_m)
+        to_scene = self.take_off(pilot, tracker)
         track = Track(to_scene, self._plan.T_scene_goal)
         session = stack.enter_context(open_session("peer", (self._ports.zenoh_endpoint,)))
         camera = MockCamera(
@@ -170,8 +172,6 @@ class Flight:
         )
         stack.enter_context(running(camera.run, "camera"))
         stack.enter_context(running(track.run, "track"))
-        self._log(f"the pilot takes off to {take_off.height_m:.2f} m")
-        pilot.take_off(take_off.height_m)
         watch = TelemetryWatch(session, Topics(self._options.vehicle))
         self._log("starting dfvs-service")
         service = stack.enter_context(self._processes.service(self._goal_images()))
@@ -204,12 +204,27 @@ class Flight:
             pilot.land()
         pilot.prepare()
 
-    def _camera_poses(self, tracker: PoseTracker, height_m: float) -> CameraPoses:
-        """Poses in a scene in which the vehicle, now on the ground, climbs to the plan's start."""
+    def take_off(self, pilot: Pilot, tracker: PoseTracker) -> CameraPoses:
+        """Take off; returns poses in a scene in which the hover is the plan's start.
+
+        The scene is placed only then: the vehicle hovers where its estimate puts it.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle does not take off.
+        FlightError
+            If its pose is not known.
+        """
+        take_off = self._plan.take_off()
+        if take_off.remark:
+            self._log(take_off.remark)
+        self._log(f"the pilot takes off to {take_off.height_m:.2f} m")
+        pilot.take_off(take_off.height_m)
         pose = tracker.pose_at(time.monotonic_ns())
         if pose is None:
             raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
-        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), height_m)
+        T_scene_local = self._plan.T_scene_local(pose.T_local_body())
         return tracker.camera_poses(T_scene_local, self._plan.mount.T_body_camera())
 
     def _land(self, pilot: Pilot) -> None:

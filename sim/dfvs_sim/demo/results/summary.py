@@ -89,7 +89,7 @@ def write_results(log: FlightLog, folder: Path) -> FlightSummary:
 
 def summarise(log: FlightLog) -> FlightSummary:
     """Figures of a flight; the truth is the vehicle's pose, not the service's estimate."""
-    flown = log.track.between(log.engaged_ns, log.ended_ns)
+    flown = log.flown
     initial_m, initial_rad = (
         (flown[0].error_m, flown[0].error_rad) if flown else (math.nan, math.nan)
     )
