@@ -180,6 +180,11 @@ class Pilot:
             return
         if not rest.is_slow:
             raise self._refused("the vehicle does not come to rest")
+        if not rest.is_at_height:
+            side = "above" if rest.height_error_m > 0 else "below"
+            raise self._refused(
+                f"the vehicle is {abs(rest.height_error_m):.2f} m {side} the wanted height"
+            )
         self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
             f"of {WINDOW_S:g} s); the pilot goes on after {self._hover_s:g} s"
