@@ -20,7 +20,6 @@ from dfvs_core.geometry.poses import pose_error
 from dfvs_core.messages.goal import Mount
 from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
 from dfvs_sim.demo.flight.track import TrackPoint
-from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, NOT_READY, write_results
@@ -43,13 +42,7 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
     folder.mkdir(parents=True, exist_ok=True)
     poses = (task.T_world_start, task.T_world_goal)
     plan = FlightPlan(renderer_of(task.scene), task.camera, Mount(), *poses, setting.seed)
-    options = FlightOptions(
-        timeout_s=setting.timeout_s,
-        ready_s=setting.ready_s,
-        service=setting.words,
-        conditions=setting.conditions,
-    )
-    flight = Flight(plan, options, folder, lambda text: progress.log(f"  {text}"))
+    flight = Flight(plan, setting.options, folder, lambda text: progress.log(f"  {text}"))
     try:
         log = flight.run(progress.show)
     except FLIGHT_ERRORS as error:
@@ -99,8 +92,9 @@ def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -
         revision=setting.revision,
         timeout_s=setting.timeout_s,
         inputs=input_digest(task, setting.matcher, setting.config),
-        estimate=setting.conditions.estimate,
-        wind=setting.conditions.wind,
+        estimate=setting.options.estimate,
+        wind=setting.options.wind,
+        autopilot=setting.autopilot,
     )
 
 

@@ -30,6 +30,7 @@ CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.3)
 START, GOAL = camera_pose((0.3, -1.25, -1.25), 0.85), camera_pose((0.5, -1.0, -1.3), 0.7)
 NAMES = ("hall", "room")
 S = 10**9
+PX4 = "udpin://127.0.0.1:14540"
 
 
 @pytest.fixture
@@ -102,6 +103,48 @@ def test_start_bound_and_path_are_those_of_the_true_start(
     assert row["bound_turn_s"] == pytest.approx(
         trapezoid_s(0.05, VelocityLimits().yaw_rad_s, VelocityLimits().yaw_slew_rad_s2), abs=1e-3
     )
+
+
+def test_another_autopilot_is_flown_and_told(
+    fly: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[FlightOptions] = []
+
+    def run(flight: Flight, _: object) -> None:
+        flight._ports.close()
+        flown.append(flight._options)
+        raise PilotError("arming was denied")
+
+    monkeypatch.setattr(flights.Flight, "run", run)
+    ground = "udpout://127.0.0.1:18570"
+    words = "--autopilot", PX4, "--ground", ground, "--system-id", "2", "--scenes", "room"
+    assert fly(*words) == 1
+    (options,) = flown
+    assert (options.autopilot, options.ground, options.system_id) == (PX4, ground, 2)
+    assert not options.is_simulated
+    document = json.loads((tmp_path / "drone.json").read_text())
+    row = document["methods"]["service"]["per_scene"]["room"]
+    for told in (document, row):
+        assert (told["autopilot"], told["estimate"], told["wind"]) == (PX4, None, None)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--estimate", "low", "--autopilot", PX4), "--estimate beside --autopilot"),
+        (("--wind", "calm", "--autopilot", PX4), "--wind beside --autopilot"),
+        (("--ground", PX4), "--ground without --autopilot"),
+        (("--system-id", "251"), "--system-id is 251"),
+    ],
+)
+def test_words_that_do_not_go_together_are_refused(
+    fly: Callable[..., int],
+    words: tuple[str, ...],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert fly(*words) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_an_error_that_every_flight_would_meet_ends_the_run(
