@@ -1,4 +1,4 @@
-"""Where a flight begins: at the planned start, wherever the vehicle truly hovers."""
+"""Where a flight begins, wherever the vehicle truly hovers, and that its end loses nothing."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +14,7 @@ from dfvs_core.messages.goal import Mount
 from dfvs_sim.demo.flight.flight import Flight, FlightError
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
+from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import VehiclePose
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
@@ -86,3 +87,17 @@ def test_a_hover_that_is_not_known_is_an_error(flight: Flight) -> None:
     vehicle: Any = Vehicle(GROUND, None)
     with pytest.raises(FlightError, match="pose is not known"):
         flight.take_off(vehicle, vehicle)
+
+
+def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Refusing:
+        def hold(self) -> None:
+            raise PilotError("Hold was denied", "an accepted mode")
+
+    said: list[str] = []
+    monkeypatch.setattr(flight, "_log", said.append)
+    pilot: Any = Refusing()
+    flight._hold(pilot)
+    assert said == ["the vehicle is not in Hold: Hold was denied; expected an accepted mode"]

@@ -148,7 +148,7 @@ class Flight:
                 self._processes.vehicle_record,
             )
             time.sleep(_SETTLE_S)
-            session.pilot.hold()
+            self._hold(session.pilot)
             self._options.pause("press Enter to end")
         return log
 
@@ -226,6 +226,13 @@ class Flight:
             raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
         T_scene_local = self._plan.T_scene_local(pose.T_local_body())
         return tracker.camera_poses(T_scene_local, self._plan.mount.T_body_camera())
+
+    def _hold(self, pilot: Pilot) -> None:
+        """Select Hold; where the vehicle refuses, what was flown counts all the same."""
+        try:
+            pilot.hold()
+        except DfvsError as error:
+            self._log(f"the vehicle is not in Hold: {error}")
 
     def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""
