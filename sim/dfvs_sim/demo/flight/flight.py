@@ -161,7 +161,7 @@ class Flight:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
         link = self._ground_link(stack)
-        pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
+        pilot, tracker = Pilot(link, log=self._log), PoseTracker(link, log=self._log)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
         to_scene = self.take_off(pilot, tracker)
