@@ -47,6 +47,8 @@ class Vehicle:
     battery: float | None = 0.9
     healthy: bool = True
     can_arm: bool = True
+    doubts_estimate: bool = False
+    """SYS_STATUS lacks the bit of the estimate, and no other."""
     position_m: tuple[float, float, float] = (1.0, 2.0, -3.0)
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     roll_rad: float = 0.0
@@ -98,6 +100,14 @@ class Rehearsal:
         v = self.vehicle
         return Heartbeat(self.now_ns, v.mode, v.armed, v.failsafe)
 
+    def health(self) -> Health:
+        v = self.vehicle
+        names = () if v.healthy else ("gyroscope",)
+        names += ("attitude and position estimate",) if v.doubts_estimate else ()
+        detail = f"not healthy: {', '.join(names)}" if names else ""
+        only_estimate = v.doubts_estimate and v.healthy
+        return Health(self.now_ns, not names, detail, v.can_arm, only_estimate)
+
     def report(self, **changes: object) -> Report:
         self._seq += 1
         report = PerceptionReport(
@@ -135,7 +145,7 @@ class Rehearsal:
             events += [
                 LandedState(now, v.in_air, not v.in_air),
                 Battery(now, v.battery),
-                Health(now, v.healthy, "" if v.healthy else "not healthy: gyroscope", v.can_arm),
+                self.health(),
                 EstimatorState(now, valid=True),
             ]
         if v.sends_attitude:

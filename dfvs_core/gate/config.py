@@ -47,6 +47,8 @@ class GateTiming:
     """Of what the autopilot sends less often: its estimator's flags, sensors, battery, landing."""
     parameters_age_ns: int = 30 * S
     """Failsafe parameters read longer ago may have been changed since."""
+    estimate_doubt_ns: int = 5 * S
+    """In the air the bit of the estimate in the health may be missing for so long on end."""
     services_age_ns: int = 5 * S
     """The operator link reports other services every second."""
     stall_ns: int = 150 * MS

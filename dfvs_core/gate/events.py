@@ -92,12 +92,14 @@ class Health:
     """Sensors of the autopilot; ``detail`` names what is not healthy.
 
     ``can_arm``: its checks before arming pass, which counts on the ground alone.
+    ``only_estimate``: nothing is unhealthy but the attitude and position estimate.
     """
 
     t_ns: int
     ok: bool
     detail: str = ""
     can_arm: bool = True
+    only_estimate: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,6 +61,8 @@ class VehicleMonitor:
     )
     parameters: ParametersRead = field(default_factory=lambda: ParametersRead(NEVER))
     other_commanders: OtherCommanders = field(default_factory=OtherCommanders)
+    unhealthy_since_ns: int = NEVER
+    """Time of the first message on end that says that something is not healthy."""
     jump_m: float = 0.0
     """Largest step of the position estimate that its velocity does not explain."""
 
@@ -81,13 +83,20 @@ class VehicleMonitor:
             case Battery():
                 self.battery = event
             case Health():
-                self.health = event
+                self._on_health(event)
             case EstimatorState():
                 self.estimator = event
             case ParametersRead():
                 self.parameters = event
             case _:
                 self.other_commanders.update(event, self.attitude.yaw_rad)
+
+    def _on_health(self, new: Health) -> None:
+        self.health = new
+        if new.ok:
+            self.unhealthy_since_ns = NEVER
+        elif self.unhealthy_since_ns == NEVER:
+            self.unhealthy_since_ns = new.t_ns
 
     def _on_position(self, new: LocalPosition) -> None:
         old = self.position

@@ -52,7 +52,9 @@ def test_the_levelled_task_is_flown_and_timed_against_its_bound(folder):
     final = flight["translation_m"], flight["rotation_deg"]
     assert flight["converged"] == (final[0] < 0.05 and final[1] < 1.0)
     assert summary["converged"] == flight["converged"]
-    assert flight["bound_s"] == pytest.approx(2 * (0.32404 / 0.5) ** 0.5, abs=1e-3)
+    distance_m = flight["initial_translation_m"]  # of the hover, which drifts by some centimetres
+    assert distance_m == pytest.approx(0.32404, abs=0.1)
+    assert flight["bound_s"] == pytest.approx(2 * (distance_m / 0.5) ** 0.5, abs=1e-3)
     assert flight["bound_s"] < flight["done_s"]
     assert 0 < flight["servo_s"] < flight["done_s"]
     if flight["converged"]:

@@ -6,21 +6,27 @@ Hold at 1.5 m, in the first two followed by 15 to 57 s of offboard flight; 63 s 
 Estimate minus truth at 42 Hz; the smallest and the largest of the flights.
 """
 
+import math
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from vehicle_in_hand import hovering, setpoint
+from vehicle_in_hand import ARM, TAKEOFF, VehicleInHand, hovering, setpoint
 
+from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.vehicle.messages.earth import HOME_ALTITUDE_M
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.px4 import STEP_NS
 
 Array = NDArray[np.float64]
 
 LOW, MEDIUM, HIGH = EstimateGrade.LOW, EstimateGrade.MEDIUM, EstimateGrade.HIGH
 SAMPLE_S = 0.024
+STEP_S = STEP_NS / 1e9
 FLIGHTS = 6
 """Simulated flights of each grade; their mean is compared."""
 
@@ -156,6 +162,89 @@ def test_the_errors_have_the_recorded_sizes(name: str, grade: EstimateGrade) -> 
 def test_the_errors_have_the_recorded_correlations(name: str, grade: EstimateGrade) -> None:
     least, most = RECORDED_CORRELATION[name][grade]
     assert least - CORRELATION_TOLERANCE < flown(grade)[name] < most + CORRELATION_TOLERANCE
+
+
+RECORDED_RESET: dict[EstimateGrade, tuple[float, ...]] = {
+    LOW: (0.19, 0.43, 2.00),
+    MEDIUM: (-0.06, 0.21, 1.66),
+    HIGH: (6.47,),
+}
+"""Changes of the estimated heading, deg, as its estimated height first exceeded 1.5 m."""
+RESET_TOLERANCE = 0.5
+"""Share around the mean recorded size: three flights are known at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """What changed in the step of a heading reset, deg, m and m/s, and the true turn after it."""
+
+    heading_deg: float
+    moved_m: float
+    changed_m_s: float
+    tilted_deg: float
+    height_m: float
+    turned_deg: float
+
+
+@cache
+def resets(grade: EstimateGrade, seed: int) -> tuple[Reset, ...]:
+    """Heading resets of a flight to 2 m, by ODOMETRY's counter of resets."""
+    vehicle = VehicleInHand(seed=seed, estimate=grade)
+    vehicle.run_until(lambda: vehicle.px4.status.ready, 10.0)
+    flight = vehicle.px4.flight
+    e, ground_m = flight.estimate, flight.estimate.down_m
+    altitude_m = HOME_ALTITUDE_M - vehicle.px4.status.home_m[2] + 2.0
+    vehicle.command(ARM, 1.0)
+    vehicle.command(TAKEOFF, *[math.nan] * 6, altitude_m)
+    found = []
+    for _ in range(round(12.0 / STEP_S)):
+        counter, position, velocity, tilt = e.resets, e.position_m, e.velocity_m_s, e.attitude_rad
+        error = wrap_angle(e.yaw_rad - vehicle.body.yaw_rad)
+        vehicle.run(STEP_S)
+        if e.resets == counter:
+            continue
+        change = wrap_angle(e.yaw_rad - vehicle.body.yaw_rad) - error
+        moved, changed = math.dist(e.position_m, position), math.dist(e.velocity_m_s, velocity)
+        tilted, height_m = math.dist(e.attitude_rad[:2], tilt[:2]), ground_m - e.down_m
+        before_rad = vehicle.body.yaw_rad
+        vehicle.run(0.1)  # longer than what was demanded before the reset still acts
+        turned = math.degrees(wrap_angle(vehicle.body.yaw_rad - before_rad))
+        degrees = math.degrees(wrap_angle(change)), math.degrees(tilted)
+        found.append(Reset(degrees[0], moved, changed, degrees[1], height_m, turned))
+    return tuple(found)
+
+
+@pytest.mark.parametrize(("grade", "drift_m"), [(LOW, 0.02), (MEDIUM, 0.05), (HIGH, 0.3)])
+def test_the_heading_is_reset_once_as_the_estimated_height_exceeds_1_5_m(
+    grade: EstimateGrade, drift_m: float
+) -> None:
+    """Above the ground as estimated at lift-off; the estimated height drifts until then."""
+    for seed in range(FLIGHTS):
+        (reset,) = resets(grade, seed)
+        assert reset.height_m == pytest.approx(1.5, abs=drift_m)
+
+
+@pytest.mark.parametrize("grade", [LOW, MEDIUM, HIGH])
+def test_nothing_but_the_heading_jumps_and_the_vehicle_does_not_turn(grade: EstimateGrade) -> None:
+    """The autopilot shifts the heading that it holds along: PX4 turned by up to 0.05 deg."""
+    quick = 3.0 if grade is HIGH else 1.0
+    for seed in range(FLIGHTS):
+        for reset in resets(grade, seed):
+            assert reset.moved_m < 0.01  # one step of a climb at 1.5 m/s
+            assert reset.changed_m_s < 0.05 * quick
+            assert reset.tilted_deg < 0.1 * quick
+            assert abs(reset.turned_deg) < 0.2 * quick
+
+
+@pytest.mark.parametrize("grade", [LOW, MEDIUM, HIGH])
+def test_the_reset_has_the_recorded_size(grade: EstimateGrade) -> None:
+    sizes = [abs(resets(grade, seed)[0].heading_deg) for seed in range(3 * FLIGHTS)]
+    recorded = float(np.mean(np.abs(RECORDED_RESET[grade])))
+    assert np.mean(sizes) == pytest.approx(recorded, rel=RESET_TOLERANCE)
+
+
+def test_a_perfect_estimate_has_no_reset() -> None:
+    assert resets(EstimateGrade.PERFECT, 0) == ()
 
 
 def test_a_perfect_estimate_stands_still_in_hold() -> None:

@@ -10,6 +10,8 @@ from onnx_network import write_bundle
 
 from dfvs_bench.lockstep.flight import SimulatedJob
 from dfvs_bench.lockstep.run import fly
+from dfvs_bench.lockstep.vehicle import HoveringVehicle
+from dfvs_core.gate.limits import ZERO
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.render.renderer import Renderer
@@ -32,6 +34,24 @@ def test_a_flight_reaches_the_goal_and_stays_there_by_vision(seed):
     flight = flown(seed, hold_s=4.0, timeout_s=40.0)
     assert flight.end_state == "DONE"
     assert flight.start_m > 0.8
+    assert flight.within_s is not None
+    assert flight.within_s < flight.end_s < 20.0
+    assert flight.farthest_m < flight.start_m + 0.1
+
+
+def test_a_reset_of_the_heading_on_the_way_up_does_not_keep_from_the_goal(monkeypatch):
+    """From 1.38 m to 1.62 m above the ground; the heading is reset at 1.5 m, within 5 cm of it."""
+    resets, follow = [], HoveringVehicle.follow
+
+    def followed(vehicle, setpoint):
+        follow(vehicle, setpoint)
+        if setpoint != ZERO:
+            resets.append(vehicle.estimate_resets)
+
+    monkeypatch.setattr(HoveringVehicle, "follow", followed)
+    flight = flown(113, hold_s=4.0, timeout_s=40.0, height_m=1.38)
+    assert (resets[0], resets[-1]) == (0, 1)
+    assert flight.end_state == "DONE"
     assert flight.within_s is not None
     assert flight.within_s < flight.end_s < 20.0
     assert flight.farthest_m < flight.start_m + 0.1

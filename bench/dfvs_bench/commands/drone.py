@@ -23,22 +23,27 @@ from dfvs_bench.trials.provenance import git_revision, run_facts
 from dfvs_bench.trials.run import Countdown
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
+from dfvs_sim.demo.conditions import Conditions, add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json
 
 _EPILOG = """examples:
   dfvs-bench drone --json drone.json --csv drone.csv
   dfvs-bench drone --scenes hall --set limits.horizontal_m_s=0.8 --runs fast-runs
+  dfvs-bench drone --autopilot udpin://127.0.0.1:14540 --runs px4-runs
 
 Every task is flown in real time, one after the other, as dfvs-demo flies: vehicle, camera, pilot
 and service are processes of their own. Start and goal are levelled: place and heading stay, roll
 and pitch are left out, and the goal image is taken anew from the level goal. A flight has
 converged if the service says DONE and the camera truly is within 5 cm and 1 degree. Its time is
-set against the least that the straight line takes under the limits in force. --resume keeps the
-flights in --runs that were made with the same settings.
+set against the least that the straight line takes under the limits in force. A flight that cannot
+be brought up is told as NOT READY with its cause; the others are flown, and the exit code is 1.
+--resume keeps the flights in --runs that were made with the same settings and autopilot.
 """
 
 
@@ -57,6 +62,7 @@ def add_parser(subparsers: Any) -> None:
     add("--timeout", type=float, default=60.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
     add_condition_options(parser)
+    add_autopilot_options(parser)
     add("--config", type=Path, metavar="FILE", help="settings of dfvs-service")
     add(
         "--set",
@@ -69,12 +75,17 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly what is to be flown, print the table and write the files; exit code 0.
+    """Fly what is to be flown, print the table and write the files.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 1 where a flight could not be brought up.
 
     Raises
     ------
     DfvsError
-        If an option, a task or a scene cannot be used, or vehicle or service do not come up.
+        If an option, a task or a scene cannot be used.
     """
     _check(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
@@ -94,8 +105,9 @@ def run(args: argparse.Namespace) -> int:
             write_record(args.runs, record)
             kept[task.name] = record
             progress.log(f"{flight_line(record)} {countdown.step()}")
-    _finish(args, [kept[task.name] for task in tasks], time.monotonic() - began_s)
-    return 0
+    records = [kept[task.name] for task in tasks]
+    _finish(args, records, time.monotonic() - began_s)
+    return EXIT_FAILED if any(r.end_state == NOT_READY for r in records) else EXIT_OK
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -104,6 +116,7 @@ def _check(args: argparse.Namespace) -> None:
         if not 0 < getattr(args, name) <= 3600:
             raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
     require_range(args, 0, None, "seed")
+    check_autopilot(args)
     if any(text.startswith("flow.model=") for text in args.set):
         raise ConfigError("--set names flow.model", "--bundle for the matcher")
 
@@ -121,7 +134,10 @@ def _setting(args: argparse.Namespace) -> Setting:
         ready_s=args.ready,
         revision=git_revision(),
         config=args.config,
-        conditions=conditions_from(args),
+        conditions=conditions_from(args) if args.autopilot is None else Conditions(),
+        autopilot=args.autopilot,
+        ground=args.ground,
+        system_id=args.system_id,
     )
 
 
@@ -144,7 +160,7 @@ def _finish(args: argparse.Namespace, records: list[FlightRecord], wall_s: float
     print(summary_line(summary))
     if args.json is not None:
         document = {"methods": {"service": summary}, "matcher": args.bundle, "seed": args.seed}
-        document |= {"estimate": records[0].estimate, "wind": records[0].wind}
+        document |= {name: getattr(records[0], name) for name in ("estimate", "wind", "autopilot")}
         write_json(args.json, document | run_facts((r.revision for r in records), wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

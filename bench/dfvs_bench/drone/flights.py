@@ -5,21 +5,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from dfvs_bench.drone.bound import straight_line_bound
 from dfvs_bench.drone.levelled import turn_rad
-from dfvs_bench.drone.records import NOT_READY, FlightRecord, Setting
+from dfvs_bench.drone.records import FlightRecord, Setting
 from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import pose_error
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight.flight import Flight, NotReadyError
+from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
 from dfvs_sim.demo.flight.track import TrackPoint, meets_criterion
-from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.summary import write_results
+from dfvs_sim.demo.results.summary import NOT_READY, write_results
 from dfvs_sim.render.truth import visibility
 
 _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_ratio")
@@ -29,28 +32,26 @@ _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_rati
 def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> FlightRecord:
     """Fly a levelled task; its summary and logs go into the folder.
 
+    Where vehicle, pilot or service cannot be brought up, the record says so.
+
     Raises
     ------
-    DfvsError
-        If vehicle, pilot or service cannot be brought up.
+    ConfigError
+        If no flight can be brought up with these settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
     poses = (task.T_world_start, task.T_world_goal)
     plan = FlightPlan(renderer_of(task.scene), task.camera, Mount(), *poses, setting.seed)
-    options = FlightOptions(
-        timeout_s=setting.timeout_s,
-        ready_s=setting.ready_s,
-        service=setting.words,
-        conditions=setting.conditions,
-    )
-    flight = Flight(plan, options, folder, lambda text: progress.log(f"  {text}"))
+    flight = Flight(plan, setting.options, folder, lambda text: progress.log(f"  {text}"))
     try:
         log = flight.run(progress.show)
-    except NotReadyError as error:
+    except FLIGHT_ERRORS as error:
         return _record(task, setting, NOT_READY, str(error))
     figures = write_results(log, folder).to_json()
+    T_world_start = log.flown[0].T_scene_camera if log.flown else task.T_world_start
     return replace(
         _record(task, setting, log.end_state, log.end_cause),
+        **_initial(T_world_start, task.T_world_goal, setting.limits),
         servo_s=since(log.watch.states, "SERVO", log.engaged_ns),
         within_s=within_s(log.judged, log.engaged_ns),
         done_s=figures["duration_s"],
@@ -72,8 +73,6 @@ def within_s(points: Sequence[TrackPoint], start_ns: int) -> float | None:
 
 def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -> FlightRecord:
     """Record of a flight whose figures are not known."""
-    way_m = task.T_world_goal[:3, 3] - task.T_world_start[:3, 3]
-    distance_m, angle_rad = task.initial_error
     return FlightRecord(
         task=task.name,
         difficulty=task.difficulty,
@@ -85,18 +84,30 @@ def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -
         size=task.camera.size,
         overlap=_overlap(task),
         limits=setting.limits,
-        bound=straight_line_bound(way_m, turn_rad(task), setting.limits),
-        initial_translation_m=distance_m,
-        initial_rotation_deg=math.degrees(angle_rad),
+        **_initial(task.T_world_start, task.T_world_goal, setting.limits),
         end_state=end_state,
         end_cause=end_cause,
         version=version("dfvs"),
         revision=setting.revision,
         timeout_s=setting.timeout_s,
         inputs=input_digest(task, setting.matcher, setting.config),
-        estimate=setting.conditions.estimate,
-        wind=setting.conditions.wind,
+        estimate=setting.options.estimate,
+        wind=setting.options.wind,
+        autopilot=setting.autopilot,
     )
+
+
+def _initial(
+    T_world_start: FloatArray, T_world_goal: FloatArray, limits: VelocityLimits
+) -> dict[str, Any]:
+    """What a record has of the start: the bound, and the errors."""
+    way_m = T_world_goal[:3, 3] - T_world_start[:3, 3]
+    distance_m, angle_rad = pose_error(T_world_start, T_world_goal)
+    return {
+        "bound": straight_line_bound(way_m, turn_rad(T_world_start, T_world_goal), limits),
+        "initial_translation_m": distance_m,
+        "initial_rotation_deg": math.degrees(angle_rad),
+    }
 
 
 def _overlap(task: BenchTask) -> float:

@@ -50,9 +50,9 @@ def levelled_task(task: BenchTask) -> BenchTask:
     return replace(task, T_world_start=start, T_world_goal=goal)
 
 
-def turn_rad(task: BenchTask) -> float:
-    """Change of heading from start to goal of a levelled task, in [-pi, pi)."""
+def turn_rad(T_world_start: FloatArray, T_world_goal: FloatArray) -> float:
+    """Change of heading between two poses (4, 4) of a camera that is about level, in [-pi, pi)."""
     start, goal = (
-        math.atan2(float(T[1, 2]), float(T[0, 2])) for T in (task.T_world_start, task.T_world_goal)
+        math.atan2(float(T[1, 2]), float(T[0, 2])) for T in (T_world_start, T_world_goal)
     )
     return wrap_angle(goal - start)

@@ -10,9 +10,8 @@ from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions
-
-NOT_READY = "NOT READY"
-"""Instead of a gate's state, where the service would not fly."""
+from dfvs_sim.demo.options import FlightOptions
+from dfvs_sim.demo.results.summary import NOT_READY
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,9 @@ class Setting:
     config : Path or None
         Settings file of the service, which ``service`` names too.
     conditions : Conditions
-        State estimate and wind of the vehicle.
+        State estimate and wind of the simulated vehicle.
+    autopilot, ground, system_id : str, str and int, or None
+        Of another vehicle; see ``FlightOptions``.
     """
 
     matcher: str
@@ -48,6 +49,22 @@ class Setting:
     revision: str
     config: Path | None = None
     conditions: Conditions = field(default_factory=Conditions)
+    autopilot: str | None = None
+    ground: str | None = None
+    system_id: int | None = None
+
+    @property
+    def options(self) -> FlightOptions:
+        """Options of each flight."""
+        return FlightOptions(
+            timeout_s=self.timeout_s,
+            ready_s=self.ready_s,
+            system_id=self.system_id,
+            autopilot=self.autopilot,
+            ground=self.ground,
+            conditions=self.conditions,
+            service=self.words,
+        )
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -66,17 +83,17 @@ class FlightRecord:
         Words for ``dfvs-service`` beside the matcher.
     seed : int
     start, goal : tuple of float
-        Levelled poses (4, 4) row by row, NED.
+        Levelled poses (4, 4) row by row, NED, as planned.
     size : tuple of int
         Width and height of the images, px.
     overlap : float
-        Share of the goal's pixels that the start sees.
+        Share of the goal's pixels that the planned start sees.
     limits : VelocityLimits
     bound : TimeBound
     initial_translation_m, initial_rotation_deg : float
-        As planned.
+        From the true pose at the pilot's switch, as the bound is; as planned without a flight.
     end_state, end_cause : str
-        The gate's last state and why; ``NOT READY`` where the service would not fly.
+        The gate's last state and why; ``NOT READY`` where the flight could not be brought up.
     converged : bool
         The service says DONE, and the camera truly is within 5 cm and 1 degree.
     final_translation_m, final_rotation_deg : float or None
@@ -96,8 +113,10 @@ class FlightRecord:
         How long the flight might have taken.
     inputs : str
         Hash of scene, intrinsics, matcher and settings file; see ``input_digest``.
-    estimate, wind : str
-        What the vehicle was flown with; see ``Conditions``.
+    estimate, wind : str or None
+        What the simulated vehicle was flown with, see ``Conditions``; None beside another one.
+    autopilot : str or None
+        MAVLink URL of a vehicle that ran already; None for the simulated one.
     """
 
     task: str
@@ -126,8 +145,9 @@ class FlightRecord:
     revision: str = ""
     timeout_s: float = 0.0
     inputs: str = ""
-    estimate: str = "perfect"
-    wind: str = "calm"
+    estimate: str | None = "perfect"
+    wind: str | None = "calm"
+    autopilot: str | None = None
 
     @property
     def within_ratio(self) -> float | None:
@@ -189,7 +209,8 @@ def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
     same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
     wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
     return (
-        Conditions(record.estimate, record.wind) == setting.conditions
+        (record.autopilot, record.estimate, record.wind)
+        == (setting.autopilot, setting.options.estimate, setting.options.wind)
         and same_poses((record.start, record.goal), task.poses)
         and same == wanted
         and record.version == version("dfvs")

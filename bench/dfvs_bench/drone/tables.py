@@ -70,7 +70,8 @@ def flight_line(record: FlightRecord) -> str:
         final = "-"
     else:
         final = f"{1e3 * record.final_translation_m:.1f} mm {record.final_rotation_deg:.2f}°"
-    end = "converged" if record.converged else f"{record.end_state}: {record.end_cause}"
+    cause = " ".join(record.end_cause.split())
+    end = "converged" if record.converged else f"{record.end_state}: {cause}"
     return f"{line}  {final:<17} {end}"
 
 

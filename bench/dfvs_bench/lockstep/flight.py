@@ -39,7 +39,6 @@ _TICK_NS = 20_000_000
 _FRAME_PERIOD_NS = round(1e9 / 15.0)
 _LATENCY_NS = 60_000_000
 """From the capture of a frame to its report."""
-_HEIGHT_M = 1.5
 _HOLD_MARGIN_S = 60.0
 _ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
 
@@ -55,7 +54,8 @@ class SimulatedJob:
     the vertical the camera is mounted from what the settings say. A flight without an end is given
     up ``timeout_s`` after the start; one that has ended is watched for ``hold_s`` more, in which
     the goal is held after DONE. ``limits`` are the gate's, whose horizontal speed the servo law
-    takes too. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need.
+    takes too. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need. The
+    vehicle hovers ``height_m`` above the ground at the start.
     """
 
     seed: int
@@ -68,6 +68,7 @@ class SimulatedJob:
     limits: VelocityLimits = field(default_factory=VelocityLimits)
     depth: DepthChoice = "motion"
     depth_model: str = DEFAULT_DEPTH
+    height_m: float = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ class LockstepFlight:
         depth: DepthEstimator | None,
     ) -> None:
         self._job, self._task, self._render = job, task, render
-        self._vehicle = HoveringVehicle(job.vehicle, np.random.default_rng(job.seed), _HEIGHT_M)
+        self._vehicle = HoveringVehicle(job.vehicle, np.random.default_rng(job.seed), job.height_m)
         self._T_body_camera = Mount(yaw_rad=math.radians(job.mounted_deg)).T_body_camera()
         self._T_scene_local = self._anchor()
         sidecar = GoalSidecar(CAMERA)

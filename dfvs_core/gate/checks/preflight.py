@@ -46,7 +46,7 @@ def preflight(
         _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
         _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
         _hold(vehicle),
-        _health(vehicle),
+        _health(vehicle, config, now_ns),
         _battery(vehicle, config),
         _parameters(vehicle, config, now_ns),
         _advice(vehicle),
@@ -63,6 +63,9 @@ _ESTIMATOR = (
 )
 _HOLD = "wait for GNSS, or set the estimator's origin in the ground station"
 _HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+_HEALTH_IN_FLIGHT = (
+    "see what the ground station says; where it does not pass, land and repair it on the ground"
+)
 _FAILSAFE = (
     "see what the ground station says, repair it, and select Hold there or on the radio: PX4 stays "
     "in a failsafe until a mode is selected"
@@ -104,15 +107,36 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
     return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
 
 
-def _health(vehicle: VehicleMonitor) -> Check:
+def _health(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
+    """Refuse a vehicle in failsafe, with a sensor that is not healthy, or not ready to arm.
+
+    PX4 clears the bit of the estimate for an error and for a mere warning of its arming check,
+    such as a large accelerometer bias, and checks in the air as well. There the bit may be missing
+    for ``GateTiming.estimate_doubt_ns`` on end, while the check ``estimator`` passes: that judges
+    the estimate by ESTIMATOR_STATUS, within 50 ms, and alone ends a flight. On the ground, for any
+    other sensor, and where the bit stays away, the check refuses.
+    """
     if vehicle.heartbeat.failsafe:
         return Check("health", False, "autopilot in failsafe", _FAILSAFE)
     if not vehicle.health.ok:
-        return Check("health", False, vehicle.health.detail, _HEALTH)
+        return _unhealthy(vehicle, config, now_ns)
     if not vehicle.is_armed and not vehicle.health.can_arm:
         detail = "the autopilot does not report that its checks before arming pass"
         return Check("health", False, detail, _ARMING)
     return Check("health", True)
+
+
+def _unhealthy(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
+    """Health of a vehicle that reports that something is not healthy."""
+    detail, limit_ns = vehicle.health.detail, config.timing.estimate_doubt_ns
+    if not vehicle.is_flying:
+        return Check("health", False, detail, _HEALTH)
+    is_brief = now_ns - vehicle.unhealthy_since_ns <= limit_ns
+    if vehicle.health.only_estimate and is_brief and estimate_fault(vehicle, config) is None:
+        limit = f"for less than {limit_ns / S:g} s"
+        found = f"{detail}, {limit}; the check estimator passes and counts until then"
+        return Check("health", True, found)
+    return Check("health", False, detail, _HEALTH_IN_FLIGHT)
 
 
 def _battery(vehicle: VehicleMonitor, config: GateConfig) -> Check:

@@ -43,11 +43,13 @@ _MODE_NUMBERS = {ModeRequest.OFFBOARD: (6, 0), ModeRequest.HOLD: (_AUTO, 3)}
 
 _FAILSAFE_STATUS = (5, 6, 8)
 
+_ESTIMATE = 0x200000
+"""MAV_SYS_STATUS_AHRS: PX4 clears it for errors and for warnings about its local position."""
 _SENSORS = {
     0x1: "gyroscope",
     0x2: "accelerometer",
     0x4: "magnetometer",
-    0x200000: "attitude and position estimate",
+    _ESTIMATE: "attitude and position estimate",
 }
 _PREARM_CHECK = 0x10000000
 """Set in ``health`` alone, where the present mode can be armed (PX4 from 1.13 on)."""
@@ -130,9 +132,10 @@ def system_status(t_ns: int, fields: Mapping[str, Any]) -> tuple[VehicleEvent, .
     remaining = percent / 100 if 0 <= percent <= 100 else None
     healthy = int(fields["onboard_control_sensors_health"])
     missing = int(fields["onboard_control_sensors_enabled"]) & ~healthy
-    faults = [name for bit, name in _SENSORS.items() if missing & bit]
-    detail = f"not healthy: {', '.join(faults)}" if faults else ""
-    health = Health(t_ns, not faults, detail, can_arm=bool(healthy & _PREARM_CHECK))
+    faults = {bit: name for bit, name in _SENSORS.items() if missing & bit}
+    detail = f"not healthy: {', '.join(faults.values())}" if faults else ""
+    can_arm = bool(healthy & _PREARM_CHECK)
+    health = Health(t_ns, not faults, detail, can_arm, only_estimate=faults.keys() == {_ESTIMATE})
     return Battery(t_ns, remaining), health
 
 

@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
         session = stack.enter_context(open_session("peer", (args.connect,)))
-        tracker = PoseTracker(link)
+        tracker = PoseTracker(link, log)
         log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
         poses = tracker.camera_poses(T_scene_local, mount.T_body_camera())

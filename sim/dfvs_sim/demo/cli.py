@@ -9,6 +9,7 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser, require_file
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
+from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.fleet import MOST_VEHICLES
 from dfvs_sim.demo.flight.camera_link import CAMERAS
@@ -62,12 +63,6 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--name", default=VEHICLE_NAME, help="vehicle name in the Zenoh keys (default: %(default)s)"
     )
-    add(
-        "--system-id",
-        type=int,
-        metavar="N",
-        help="MAVLink system id (default: 1, or that of the vehicle on --autopilot's link)",
-    )
     add_condition_options(parser)
     add("--start", metavar="X,Y,Z,YAW", help="start of the camera: NED in the scene, m, degrees")
     add(
@@ -98,8 +93,7 @@ def _parser() -> argparse.ArgumentParser:
         "zenoh-bridge-ros2dds (CompressedImage) sends them",
     )
     add("--dashboard", action="store_true", help="watch the flight in a browser")
-    add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
-    add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
+    add_autopilot_options(parser)
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
     add("--out", type=Path, metavar="DIR", help="folder for the results (default: demo-SEED)")
     add("--json", type=Path, metavar="FILE", help="write the summary there as well")
@@ -111,18 +105,12 @@ def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be flown, and settle what other options decide."""
     require_range(args, 1, MOST_VEHICLES, "vehicles")
     require_range(args, 1, None, "runs")
-    if args.system_id is not None:
-        require_range(args, 1, 250, "system_id")
     if args.rate is None:
         args.rate = SHARED_RATE_HZ if is_shared(args.vehicles) else RATE_HZ
     if not 0.1 <= args.rate <= 240:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
-    if args.ground is not None and args.autopilot is None:
-        raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
     require_file("--json", args.json)
-    for name in ("estimate", "wind"):
-        if args.autopilot is not None and getattr(args, name) is not None:
-            raise ConfigError(f"--{name} beside --autopilot", "only one of them")
+    check_autopilot(args)
     conditions_from(args)
     engagement_of(args.service.split())
 

@@ -61,3 +61,13 @@ class FlightOptions:
     def is_simulated(self) -> bool:
         """Whether the flight brings its own simulated vehicle."""
         return self.autopilot is None
+
+    @property
+    def estimate(self) -> str | None:
+        """Grade of the state estimate; None beside another autopilot, where it is unknown."""
+        return self.conditions.estimate if self.is_simulated else None
+
+    @property
+    def wind(self) -> str | None:
+        """Wind, likewise."""
+        return self.conditions.wind if self.is_simulated else None

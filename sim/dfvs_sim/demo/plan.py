@@ -75,21 +75,20 @@ class FlightPlan:
         poses = (self.T_scene_start, *self.goals)
         return take_off_from_floor(self.renderer, [(T @ T_camera_body)[:3, 3] for T in poses])
 
-    def T_scene_local(self, T_local_ground: FloatArray, height_m: float) -> FloatArray:
-        """Where the autopilot's local frame lies in the scene, so that hovering is the start.
+    def T_scene_local(self, T_local_hover: FloatArray) -> FloatArray:
+        """Where the autopilot's local frame lies in the scene, so that the hover is the start.
+
+        The vehicle's ground then is the scene's floor, but for the error of its climb.
 
         Parameters
         ----------
-        T_local_ground : (4, 4)
-            Body on the ground before take-off, in the local frame.
-        height_m : float
-            How far it will climb.
+        T_local_hover : (4, 4)
+            Body after the take-off, in the local frame; its tilt is left out.
         """
-        yaw = math.atan2(T_local_ground[1, 0], T_local_ground[0, 0])
-        hover = T_local_ground[:3, 3] - np.array([0.0, 0.0, height_m])
-        T_local_hover = make_pose(rotation_from_euler(0.0, 0.0, yaw), hover)
+        yaw = math.atan2(T_local_hover[1, 0], T_local_hover[0, 0])
+        level = make_pose(rotation_from_euler(0.0, 0.0, yaw), T_local_hover[:3, 3])
         T_scene_body = self.T_scene_start @ invert_pose(self.mount.T_body_camera())
-        return T_scene_body @ invert_pose(T_local_hover)
+        return T_scene_body @ invert_pose(level)
 
 
 def make_plan(

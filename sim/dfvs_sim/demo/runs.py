@@ -9,14 +9,20 @@ from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import Conditions, conditions_from
 from dfvs_sim.demo.fleet import Member, fly_together
-from dfvs_sim.demo.flight.flight import Flight
+from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.image_size import AUTO, SIZES, measured_size
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.report import FlightReport, ReportError
-from dfvs_sim.demo.results.summary import FlightSummary, flight_table, write_results
+from dfvs_sim.demo.results.summary import (
+    NOT_READY,
+    FlightSummary,
+    flight_table,
+    write_not_flown,
+    write_results,
+)
 from dfvs_sim.options import camera_from, parse_camera_pose, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
@@ -51,7 +57,13 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
 
 
 def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
-    """Fly one seed after the other."""
+    """Fly one seed after the other; of several flights, one that cannot be flown ends no other.
+
+    Raises
+    ------
+    DfvsError
+        If a single flight cannot be brought up, or none of several ever could.
+    """
     is_size_open = args.size == AUTO
     if is_size_open:
         args.size = SIZES[0][0]
@@ -122,7 +134,14 @@ def _fly_one(
         dashboard=args.dashboard,
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
     )
-    log = Flight(plan, options, folder, lambda text: progress.log(f"  {text}")).run(progress.show)
+    flight = Flight(plan, options, folder, lambda text: progress.log(f"  {text}"))
+    try:
+        log = flight.run(progress.show)
+    except FLIGHT_ERRORS as error:
+        if args.runs == 1:
+            raise
+        progress.log(f"  {NOT_READY}: {error}")
+        return write_not_flown(plan.seed, options, str(error), folder)
     summary = write_results(log, folder)
     verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
     progress.log(

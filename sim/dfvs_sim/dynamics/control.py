@@ -7,7 +7,7 @@ by the attitude loop. NED, SI units.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimator import Estimate
@@ -68,6 +68,11 @@ class Controller:
         self._queue.clear()
         self._active = Demand()
 
+    def shift_heading(self, change_rad: float) -> None:
+        """Shift the headings that are demanded along with a reset of the estimated one."""
+        self._active = _shifted(self._active, change_rad)
+        self._queue = deque((at_s, _shifted(d, change_rad)) for at_s, d in self._queue)
+
     def update(self, dt_s: float, demand: Demand, vehicle: Estimate) -> Command:
         """Acceleration and yaw rate for this step; the demand acts after the delay."""
         self._time_s += dt_s
@@ -126,6 +131,11 @@ class Controller:
             error = wrap_angle(demand.yaw_rad - yaw_rad)
             rate += g.yaw * error
         return min(g.yaw_rate_max_rad_s, max(-g.yaw_rate_max_rad_s, rate))
+
+
+def _shifted(demand: Demand, change_rad: float) -> Demand:
+    """Demand of another heading; NaN, which asks for none, stays NaN."""
+    return replace(demand, yaw_rad=wrap_angle(demand.yaw_rad + change_rad))
 
 
 def _add(velocity: float, correction: float) -> float:

@@ -35,6 +35,8 @@ class EstimateErrors:
     velocity: wander of the horizontal axes with ``velocity_time_s``, and constant offsets, drawn
     once a flight, of each horizontal axis and of the height. Attitude (degrees): wander and bias
     of roll and pitch, and of the heading, whose bias is drawn around ``heading_bias_mean_deg``.
+    ``heading_reset_deg``, drawn around ``heading_reset_mean_deg``, is by how much the heading
+    changes at its reset in flight; the errors above are those after it.
     """
 
     velocity_m_s: float = 0.0
@@ -54,6 +56,8 @@ class EstimateErrors:
     heading_bias_deg: float = 0.0
     heading_bias_mean_deg: float = 0.0
     heading_time_s: float = 1.8
+    heading_reset_deg: float = 0.0
+    heading_reset_mean_deg: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no size of an error.
@@ -65,7 +69,7 @@ class EstimateErrors:
         """
         for name in (field.name for field in fields(self)):
             value = getattr(self, name)
-            least = -math.inf if name == "heading_bias_mean_deg" else 0.0
+            least = -math.inf if name.endswith("_mean_deg") else 0.0
             if not math.isfinite(value) or value < least or (value == 0.0 and "_time_" in name):
                 raise ConfigError(f"{name} of the estimate's errors is {value}", "a size")
 
@@ -86,6 +90,8 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         heading_deg=0.8,
         heading_bias_deg=0.6,
         heading_bias_mean_deg=-0.4,
+        heading_reset_deg=0.9,
+        heading_reset_mean_deg=0.8,
     ),
     EstimateGrade.MEDIUM: EstimateErrors(
         velocity_m_s=0.025,
@@ -100,6 +106,8 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         heading_deg=0.6,
         heading_bias_deg=0.6,
         heading_bias_mean_deg=-0.4,
+        heading_reset_deg=0.9,
+        heading_reset_mean_deg=0.6,
     ),
     EstimateGrade.HIGH: EstimateErrors(
         velocity_m_s=0.21,
@@ -115,6 +123,8 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         heading_bias_deg=2.0,
         heading_bias_mean_deg=6.0,
         heading_time_s=3.0,
+        heading_reset_deg=2.0,
+        heading_reset_mean_deg=6.0,
     ),
 }
 """Errors of each grade, fitted to flights of PX4 v1.17 at three scales of its sensor noise."""

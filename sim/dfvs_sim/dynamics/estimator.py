@@ -6,6 +6,7 @@ import numpy as np
 
 from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateErrors
+from dfvs_sim.dynamics.heading_reset import HeadingReset
 from dfvs_sim.dynamics.rigid_body import MotionState, Quadrotor, Vector
 
 _FIELDS = tuple(field.name for field in fields(MotionState))
@@ -32,7 +33,10 @@ class Estimator:
 
     def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
         self._process = None if errors == EstimateErrors() else ErrorProcess(errors, rng)
+        self._heading_reset = HeadingReset(errors, rng)
         self._position = [0.0, 0.0, 0.0]
+        self.heading_change_rad = 0.0
+        """By how much a reset changed the heading in the last step; 0 where there was none."""
         self.estimate = Estimate()
 
     @property
@@ -41,7 +45,7 @@ class Estimator:
         if self._process is None:
             return 0.0, 0.0, 0.0
         roll, pitch, yaw = self._process.attitude_rad
-        return roll, pitch, yaw
+        return roll, pitch, yaw + self._heading_reset.error_rad
 
     def reset_position(self, north_m: float, east_m: float, down_m: float) -> None:
         """Shift the position estimate at once, for good, as after a wrong fix."""
@@ -70,5 +74,13 @@ class Estimator:
             e.a_east_m_s2 += error.acceleration_m_s2[1]
             e.roll_rad += error.attitude_rad[0]
             e.pitch_rad += error.attitude_rad[1]
-            e.yaw_rad = wrap_angle(e.yaw_rad + error.attitude_rad[2])
+            self._reset_heading(on_ground=vehicle.on_ground)
+            e.yaw_rad = wrap_angle(e.yaw_rad + self.attitude_error_rad[2])
         return e
+
+    def _reset_heading(self, *, on_ground: bool) -> None:
+        """Reset the heading where its time has come, and count it."""
+        change = self._heading_reset.update(self.estimate.down_m, on_ground=on_ground)
+        self.heading_change_rad = change or 0.0
+        if change is not None:
+            self.estimate.resets += 1

@@ -25,6 +25,8 @@ _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _VEHICLE_S, _ARMABLE_S, _TAKE_OFF_S, _LANDING_S = 15.0, 60.0, 60.0, 120.0
 _HEARTBEAT_S = 2.5
 _TEXT_S = 0.1
+_ARMING_PERIOD_S = 1.0
+"""Longest time between two commands to arm."""
 _LANDED_STATE_S = 2.5
 _TEXTS_SHOWN = 3
 
@@ -36,7 +38,13 @@ ARMING_ADVICE = (
     "NAV_DLL_ACT 0 may help"
 )
 
-_RESULTS = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed"}
+_TEMPORARILY_REJECTED = 1
+_RESULTS = {
+    _TEMPORARILY_REJECTED: "temporarily rejected",
+    2: "denied",
+    3: "unsupported",
+    4: "failed",
+}
 
 
 class PilotError(DfvsError):
@@ -54,6 +62,8 @@ class Pilot:
     hover_s : float
         How long to wait for rest. Then the pilot also goes on with a vehicle that only seems to
         move a little.
+    arming_s : float
+        How long to ask again while the vehicle refuses for the moment: its checks may flicker.
     """
 
     def __init__(
@@ -61,10 +71,12 @@ class Pilot:
         link: GroundLink,
         log: Callable[[str], None] = lambda _: None,
         hover_s: float = 20.0,
+        arming_s: float = 10.0,
     ) -> None:
         self._link = link
         self._log = log
         self._hover_s = hover_s
+        self._arming_s = arming_s
 
     def prepare(self) -> None:
         """Wait until the vehicle can be armed, and set the advised parameters."""
@@ -88,18 +100,14 @@ class Pilot:
         """
         self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
-        ready = self._link.wait_for(
-            "SYS_STATUS",
-            _ARMABLE_S,
-            lambda m: bool(m.onboard_control_sensors_health & _PREARM),
-        )
+        ready = self._link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed)
         if ready is None:
             raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
         if self._link.wait_for("HOME_POSITION", _ARMABLE_S) is None:
             raise self._refused("the vehicle has no home position")
 
     def arm(self) -> None:
-        """Arm in Hold.
+        """Arm in Hold; a refusal for the moment is asked again for ``arming_s``.
 
         Raises
         ------
@@ -108,7 +116,14 @@ class Pilot:
         """
         self._select_arming_mode()
         command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-        self._command("arming", command, 1.0, remedy=ARMING_ADVICE)
+        deadline = time.monotonic() + self._arming_s
+        while True:
+            since_ns = time.monotonic_ns()
+            result = self._link.command(command, 1.0)
+            if result != _TEMPORARILY_REJECTED or time.monotonic() >= deadline:
+                break
+            self._link.wait_for("SYS_STATUS", _ARMING_PERIOD_S, _can_be_armed, since_ns)
+        self._require_accepted("arming", result, since_ns, ARMING_ADVICE)
         self._confirm("arming", lambda m: bool(m.base_mode & _ARMED))
 
     def _select_arming_mode(self) -> None:
@@ -165,6 +180,11 @@ class Pilot:
             return
         if not rest.is_slow:
             raise self._refused("the vehicle does not come to rest")
+        if not rest.is_at_height:
+            side = "above" if rest.height_error_m > 0 else "below"
+            raise self._refused(
+                f"the vehicle is {abs(rest.height_error_m):.2f} m {side} the wanted height"
+            )
         self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
             f"of {WINDOW_S:g} s); the pilot goes on after {self._hover_s:g} s"
@@ -219,9 +239,11 @@ class Pilot:
             return self.armed()
         return bool(state.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND)
 
-    def _command(self, what: str, command: int, *params: float, remedy: str = "") -> None:
+    def _command(self, what: str, command: int, *params: float) -> None:
         since_ns = time.monotonic_ns()
-        result = self._link.command(command, *params)
+        self._require_accepted(what, self._link.command(command, *params), since_ns)
+
+    def _require_accepted(self, what: str, result: int, since_ns: int, remedy: str = "") -> None:
         if result != ACCEPTED:
             raise self._refused(
                 f"{what} was {_RESULTS.get(result, f'answered with {result}')}", since_ns, remedy
@@ -246,6 +268,10 @@ class Pilot:
         quoted = ", ".join(f"'{text}'" for text in said[-_TEXTS_SHOWN:])
         words = [f"the vehicle says: {quoted}"] if quoted else []
         return PilotError(problem, remedy="; ".join([*words, *([remedy] if remedy else [])]))
+
+
+def _can_be_armed(sys_status: Message) -> bool:
+    return bool(sys_status.onboard_control_sensors_health & _PREARM)
 
 
 def _mode(heartbeat: Message) -> Mode | None:

@@ -8,6 +8,7 @@ a camera has to be where the vehicle is and not where the vehicle's estimate put
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from dfvs_core.geometry.poses import (
     rotation_from_euler,
     rotation_from_quaternion,
 )
-from dfvs_sim.ground.clock import ClockMap
+from dfvs_sim.ground.clock import ClockMap, SlowClockNotice
 from dfvs_sim.ground.interpolation import (
     AttitudeSample,
     PositionSample,
@@ -50,7 +51,7 @@ _SILENCE_NS = 1_000_000_000
 _BURST_NS = 2_000_000
 """Messages that arrive within this time were read at once, and are late alike."""
 _STALLED_NS = 25_000_000
-"""Pause of the stamped messages after which the thread has been held up."""
+"""Pause of the stamped messages, in vehicle time, after which the thread has been held up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +80,15 @@ class PoseTracker:
     ----------
     link : GroundLink
         Shared link; all three messages are asked for at 50 Hz by ``start``.
+    log : callable, optional
+        Takes the line that says that the vehicle's clock is slower than real time.
     """
 
-    def __init__(self, link: GroundLink) -> None:
+    def __init__(self, link: GroundLink, log: Callable[[str], None] = lambda _: None) -> None:
         self._link = link
         self._lock = threading.Lock()
         self._clock = ClockMap()
+        self._slow = SlowClockNotice(log)
         self._delay_ns = 0
         self._stamped_ns: int | None = None
         self._requested_ns = 0
@@ -128,33 +132,40 @@ class PoseTracker:
         with self._lock:
             if message.get_type() == _TRUTH:
                 self._on_truth(message, arrival_ns)
-                return
-            stamp_ns = message.time_boot_ms * 1_000_000
-            if self._clock.update(stamp_ns, arrival_ns):
-                self._places.clear()
-                self._turns.clear()
-            self._delay_ns = arrival_ns - stamp_ns - self._clock.offset_ns
-            self._stamped_ns = arrival_ns
-            if self._truth is not None:
-                self._request_again(arrival_ns)
-            elif message.get_type() == _PLACE:
-                position = (message.x, message.y, message.z)
-                velocity = (message.vx, message.vy, message.vz)
-                append(self._places, PositionSample(stamp_ns, position, velocity))
             else:
-                q = (message.q1, message.q2, message.q3, message.q4)
-                rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
-                append(self._turns, AttitudeSample(stamp_ns, q, rates))
+                self._on_stamped(message, arrival_ns)
+            rate = self._clock.simulation_rate
+        self._slow.update(rate, arrival_ns)
+
+    def _on_stamped(self, message: Message, arrival_ns: int) -> None:
+        """Take a message of the estimate, which bears a stamp."""
+        stamp_ns = message.time_boot_ms * 1_000_000
+        if self._clock.update(stamp_ns, arrival_ns):
+            self._places.clear()
+            self._turns.clear()
+        self._delay_ns = arrival_ns - stamp_ns - self._clock.offset_ns
+        self._stamped_ns = arrival_ns
+        if self._truth is not None:
+            self._request_again(arrival_ns)
+        elif message.get_type() == _PLACE:
+            position = (message.x, message.y, message.z)
+            velocity = (message.vx, message.vy, message.vz)
+            append(self._places, PositionSample(stamp_ns, position, velocity))
+        else:
+            q = (message.q1, message.q2, message.q3, message.q4)
+            rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
+            append(self._turns, AttitudeSample(stamp_ns, q, rates))
 
     def _on_truth(self, message: Message, arrival_ns: int) -> None:
         """Take a true state, which PX4 v1.17 sends without a stamp."""
         if self._truth is None or self._stamped_ns is None:
             return
         since_stamped_ns = arrival_ns - self._stamped_ns
-        if since_stamped_ns > _STALLED_NS:
+        clock = self._clock
+        if clock.vehicle_ns(arrival_ns) - clock.vehicle_ns(self._stamped_ns) > _STALLED_NS:
             return  # the first of a backlog: nobody knows how late it is
         late_ns = self._delay_ns if since_stamped_ns < _BURST_NS else 0
-        stamp_ns = arrival_ns - self._clock.offset_ns - late_ns
+        stamp_ns = clock.vehicle_ns(arrival_ns - late_ns)
         if self._places and stamp_ns <= self._places[-1].stamp_ns:
             return
         self._places.append(PositionSample(stamp_ns, *self._truth.update(stamp_ns, message)))
@@ -165,9 +176,8 @@ class PoseTracker:
     def _request_again(self, now_ns: int) -> None:
         """Ask for the truth anew where it has ended, without waiting for an answer."""
         if self._places:
-            self._requested_ns = max(
-                self._requested_ns, self._places[-1].stamp_ns + self._clock.offset_ns
-            )
+            truth_ns = self._clock.local_ns(self._places[-1].stamp_ns)
+            self._requested_ns = max(self._requested_ns, truth_ns)
         if now_ns - self._requested_ns < _SILENCE_NS:
             return
         self._requested_ns = now_ns
@@ -204,7 +214,7 @@ class PoseTracker:
             if not self._places or not self._turns:
                 return None
             stamp = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
-            return stamp + self._clock.offset_ns
+            return self._clock.local_ns(stamp)
 
     def camera_poses(self, T_scene_local: FloatArray, T_body_camera: FloatArray) -> CameraPoses:
         """Poses of a camera on the vehicle, whose local frame lies so in the scene."""
@@ -227,7 +237,7 @@ class PoseTracker:
         with self._lock:
             if not self._places or not self._turns:
                 return None
-            stamp = t_ns - self._clock.offset_ns
+            stamp = self._clock.vehicle_ns(t_ns)
             oldest = max(self._places[0].stamp_ns, self._turns[0].stamp_ns)
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             if stamp < oldest or stamp > newest + _REACH_NS:

@@ -54,12 +54,25 @@ class RestDetector:
     @property
     def is_at_rest(self) -> bool:
         """Whether the vehicle hovers at its height."""
-        return self._is_below(max(_REST_M_S, self._tolerance_m_s()))
+        is_still = self.speed_m_s < max(_REST_M_S, self._tolerance_m_s())
+        return is_still and self.is_at_height
 
     @property
     def is_slow(self) -> bool:
         """Whether its estimate shows no more motion than a poor one does of a hovering vehicle."""
-        return self._is_below(_SLOW_M_S)
+        return self.speed_m_s < _SLOW_M_S
+
+    @property
+    def height_error_m(self) -> float:
+        """Mean height over the window above the wanted one; 0 where there is none of the two."""
+        if self._down_m is None or not self._has_window:
+            return 0.0
+        return self._down_m - float(self._window()[:, 4].mean())
+
+    @property
+    def is_at_height(self) -> bool:
+        """Whether the vehicle is at the wanted height."""
+        return abs(self.height_error_m) < _HEIGHT_M
 
     def _window(self) -> FloatArray:
         return np.array(self._samples)
@@ -72,10 +85,3 @@ class RestDetector:
         means = np.array([batch.mean(axis=0) for batch in batches])
         error = np.linalg.norm(means.std(axis=0, ddof=1)) / math.sqrt(_BATCHES)
         return _REST_STANDARD_ERRORS * float(error)
-
-    def _is_below(self, speed_m_s: float) -> bool:
-        if self.speed_m_s >= speed_m_s:
-            return False
-        if self._down_m is None:
-            return True
-        return abs(float(self._window()[:, 4].mean()) - self._down_m) < _HEIGHT_M

@@ -172,9 +172,10 @@ class CommandHandler:
     def _inject_failure(self, params: Params, link: str, now_ns: int) -> int:
         """Faults on demand, as PX4's simulation offers them; SYS_FAILURE_EN must be 1.
 
-        Three of PX4's units are known. OFF empties the battery. GPS OFF ends the position
-        estimate, and WRONG shifts it to the north. OFF of the MAVLink signal silences links in
-        both directions. OK repairs each, but takes back no shift.
+        Four of PX4's units are known. OFF empties the battery. GPS OFF ends the position
+        estimate, and WRONG shifts it to the north. An accelerometer that is WRONG makes the arming
+        check warn of the estimate. OFF of the MAVLink signal silences links in both directions.
+        OK repairs each, but takes back no shift.
         """
         px4 = self._px4
         if px4.parameters["SYS_FAILURE_EN"] != 1:
@@ -189,6 +190,8 @@ class CommandHandler:
             px4.flight.estimate.valid = kind == _FAULT_OK
         elif unit == mavlink.FAILURE_UNIT_SENSOR_GPS and kind == _FAULT_WRONG:
             px4.flight.estimator.reset_position(_WRONG_FIX_M, 0.0, 0.0)
+        elif unit == mavlink.FAILURE_UNIT_SENSOR_ACCEL and kind in (_FAULT_OK, _FAULT_WRONG):
+            px4.status.warns_of_estimate = kind == _FAULT_WRONG
         elif unit == mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL and is_switch:
             if instance not in _SILENCED:
                 return UNSUPPORTED

@@ -54,6 +54,8 @@ class Status:
     home_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     battery: float = 1.0
     estimator_ok: bool = True
+    warns_of_estimate: bool = False
+    """The arming check warns of the estimate, as of a large accelerometer bias."""
     setpoint_ns: int | None = None
     """When the last valid offboard setpoint came."""
     manual_ns: int | None = None

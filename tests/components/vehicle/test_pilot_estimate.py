@@ -42,7 +42,7 @@ def test_refused_arming_names_the_reason_and_the_parameters_that_may_help(tmp_pa
         link.wait_for_vehicle(30.0)
         link.wait_for("HEARTBEAT", 30.0)
         with pytest.raises(PilotError) as refused:
-            Pilot(link).arm()
+            Pilot(link, arming_s=1.0).arm()
     message = str(refused.value)
     assert "Arming denied: preflight checks fail" in message
     for name in ("COM_RC_IN_MODE", "NAV_RCL_ACT", "NAV_DLL_ACT"):

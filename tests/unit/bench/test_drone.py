@@ -90,11 +90,10 @@ def test_a_camera_that_looks_straight_down_has_no_heading():
 
 
 def test_the_turn_is_the_change_of_heading():
-    assert turn_rad(levelled_task(TASK)) == pytest.approx(-0.5)
-    back = replace(TASK, T_world_start=camera_pose((0, 0, 0), 3.0))
-    assert turn_rad(replace(back, T_world_goal=camera_pose((0, 0, 0), -3.0))) == pytest.approx(
-        2 * np.pi - 6.0
-    )
+    level = levelled_task(TASK)
+    assert turn_rad(level.T_world_start, level.T_world_goal) == pytest.approx(-0.5)
+    east, west = (camera_pose((0, 0, 0), yaw) for yaw in (3.0, -3.0))
+    assert turn_rad(east, west) == pytest.approx(2 * np.pi - 6.0)
 
 
 def test_it_counts_as_within_only_once_it_stays_there():
@@ -150,6 +149,7 @@ def test_a_record_comes_back_from_disk(tmp_path):
         {"timeout_s": 10.0},
         {"conditions": Conditions("medium")},
         {"conditions": Conditions("perfect", "breeze")},
+        {"autopilot": "udpin://127.0.0.1:14540"},
     ],
 )
 def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
@@ -159,6 +159,16 @@ def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
     assert not fits(kept, task, replace(SETTING, **changes))
     moved = replace(task, T_world_goal=camera_pose((1.0, 0.5, -1.3), -0.3, 0.1))
     assert not fits(kept, moved, SETTING)
+
+
+def test_flights_of_another_autopilot_are_kept_apart(tmp_path):
+    task, url = task_on_disk(tmp_path), "udpin://127.0.0.1:14540"
+    kept = fresh_record(task, autopilot=url, estimate=None, wind=None)
+    assert fits(kept, task, replace(SETTING, autopilot=url))
+    assert not fits(kept, task, replace(SETTING, autopilot="udpin://127.0.0.1:14541"))
+    assert not fits(kept, task, SETTING)
+    write_record(tmp_path, kept)
+    assert read_records(tmp_path) == [kept]
 
 
 def test_a_flight_with_other_inputs_is_flown_again(tmp_path):
@@ -208,6 +218,13 @@ def test_the_report_has_a_row_for_every_flight():
     assert "State estimate of the vehicle: perfect; wind:\ncalm." in text
     assert "<td>9.0 s<td>2.25<td>12.0 s<td>3.00<td>0.010 m<td>0.20°" in text
     assert "NOT READY: the goal is not in view" in text
+
+
+def test_the_report_says_what_was_flown_and_what_of_it_is_unknown():
+    url = "udpin://127.0.0.1:14540"
+    text = drone_section([FLOWN, replace(LOST, autopilot=url, estimate=None, wind=None)])
+    assert f"in real time by the simulated vehicle, the autopilot on {url} through" in text
+    assert "State estimate of the vehicle: perfect, unknown; wind:\ncalm, unknown." in text
 
 
 def test_a_row_is_flat_and_names_version_seed_and_revision():

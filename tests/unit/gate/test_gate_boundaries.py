@@ -66,6 +66,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "status_age_ns": 2 * S,
         "parameters_age_ns": 30 * S,
         "services_age_ns": 5 * S,
+        "estimate_doubt_ns": 5 * S,
         "stall_ns": 150 * MS,
         "slew_step_ns": 100 * MS,
         "ready_after_ns": 1 * S,

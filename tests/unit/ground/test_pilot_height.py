@@ -48,6 +48,38 @@ class ClimbingVehicle:
         return message if message is not None and accept(message) else None
 
 
+class HoveringVehicle:
+    """A vehicle at rest at a local z, which tells its position 50 times a second of its clock."""
+
+    def __init__(self, down_m: float) -> None:
+        self.down_m = down_m
+        self.now_ns = 0
+        self.texts: list[tuple[int, str]] = []
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+    def monotonic(self) -> float:
+        return self.now_ns * 1e-9
+
+    def wait_for(self, *_: object, **__: int) -> Any:
+        self.now_ns += 20_000_000
+        return Message(z=self.down_m, vx=0.0, vy=0.0, vz=0.0)
+
+
+@pytest.mark.parametrize(
+    ("down_m", "words"),
+    [(-1.8, "is 0.30 m above the wanted"), (-1.1, "is 0.40 m below the wanted")],
+)
+def test_a_vehicle_at_rest_at_another_height_is_told_as_such(
+    down_m: float, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle = HoveringVehicle(down_m)
+    monkeypatch.setattr("dfvs_sim.ground.pilot.time", vehicle)
+    with pytest.raises(PilotError, match=words):
+        Pilot(vehicle, hover_s=5.0).wait_until_hovering(-1.5)  # type: ignore[arg-type]
+
+
 def test_it_is_that_above_where_the_vehicle_stands() -> None:
     vehicle = ClimbingVehicle()
     with pytest.raises(PilotError, match="come to rest"):  # a window of rest takes longer

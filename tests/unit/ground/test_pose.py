@@ -76,6 +76,75 @@ def test_stale_and_bygone_times_have_no_pose(tracker: PoseTracker) -> None:
     assert tracker.pose_at(BOOT_NS + 1221 * MS) is None
 
 
+def fly_at(tracker: PoseTracker, rate: float, seconds: int) -> tuple[float, list[float]]:
+    """Share of a camera's frames that have a pose, and their errors in m, at 1 m/s to the north.
+
+    The vehicle's clock runs at ``rate`` of real time; the first 4 s tell the rate.
+    """
+    rng = np.random.default_rng(0)
+    frames, errors_m = 0, []
+    for made_ms in range(0, seconds * 1000, 20):
+        vehicle_ms = round(made_ms * rate)
+        arrival_ns = BOOT_NS + made_ms * MS + round(3 * MS * rng.random())
+        tracker.on_message(place(vehicle_ms, vehicle_ms * 1e-3, vx=1.0), arrival_ns)
+        tracker.on_message(turn(vehicle_ms, 0.0), arrival_ns)
+        if made_ms > 4000:
+            frames += 1
+            ahead_ms = 50
+            pose = tracker.pose_at(BOOT_NS + (made_ms + ahead_ms) * MS)
+            if pose is not None:
+                errors_m.append(pose.position_m[0] - (made_ms + ahead_ms) * 1e-3 * rate)
+    return len(errors_m) / frames, errors_m
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.6, 0.8, 0.9, 1.0])
+def test_every_frame_has_its_pose_beside_a_slow_simulation(
+    tracker: PoseTracker, rate: float
+) -> None:
+    share, errors_m = fly_at(tracker, rate, seconds=30)
+    assert share == 1.0
+    assert max(abs(e) for e in errors_m) < 0.01  # 10 ms at 1 m/s
+
+
+def true_path(tracker: PoseTracker, rate: float) -> list[float]:
+    """Positions at moments of vehicle time, by a truth that comes 16 ms after what has a stamp."""
+    tracker.follow_truth(LocalOrigin(0, 0, 0))
+    path_m = []
+    for ms in range(1000, 12_000):
+        arrival_ns = BOOT_NS + round(ms * MS / rate)
+        if ms % 20 == 0:
+            tracker.on_message(place(ms, 0.0), arrival_ns)
+            tracker.on_message(turn(ms, 0.0), arrival_ns)
+        if ms % 20 == 16:
+            tracker.on_message(true_state(ms * 1e-3), arrival_ns)
+        if ms > 5000 and ms % 25 == 0:
+            pose = tracker.pose_at(arrival_ns)
+            path_m.append(math.nan if pose is None else pose.position_m[0])
+    return path_m
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.7])
+def test_the_truth_of_a_slow_simulation_is_followed(link: GroundLink, rate: float) -> None:
+    slow, fast = (true_path(PoseTracker(link), r) for r in (rate, 1.0))
+    assert slow == pytest.approx(fast, abs=1e-3)  # 1 ms at 1 m/s
+
+
+@pytest.mark.parametrize(("rate", "lines"), [(0.7, 1), (0.95, 0), (1.0, 0)])
+def test_a_slow_simulation_is_said_once(link: GroundLink, rate: float, lines: int) -> None:
+    said: list[str] = []
+    fly_at(PoseTracker(link, log=said.append), rate, seconds=60)
+    assert len(said) == lines
+    assert all("0.70 of real time" in line for line in said)
+
+
+def test_one_stop_of_the_simulation_is_not_said(link: GroundLink) -> None:
+    said: list[str] = []
+    tracker = PoseTracker(link, log=said.append)
+    for ms in range(0, 20_000, 20):
+        tracker.on_message(place(ms, 0.0), BOOT_NS + (ms + (900 if ms > 10_000 else 0)) * MS)
+    assert said == []
+
+
 def test_the_matrix_holds_position_and_attitude(tracker: PoseTracker) -> None:
     feed(tracker, place(1000, 1.0))
     feed(tracker, turn(1000, 0.4, pitch=-0.2))

@@ -56,4 +56,12 @@ def test_an_error_that_outlasts_the_window_may_pass_for_slow_motion():
     velocities *= np.minimum(1.0, 0.5 / np.linalg.norm(velocities, axis=1, keepdims=True))
     assert fed(velocities).is_slow
     assert not fed(steady(1.0)).is_slow
-    assert not fed(steady(0.3), down_m=-0.5).is_slow
+
+
+def test_slow_motion_is_that_at_any_height_and_the_height_is_told_apart():
+    rest = fed(steady(0.3), down_m=-1.8)
+    assert rest.is_slow
+    assert not rest.is_at_height
+    assert rest.height_error_m == pytest.approx(0.3)
+    assert fed(steady(0.3), down_m=-1.4).is_at_height
+    assert fed(steady(0.3), down_m=-0.9, target_m=None).is_at_height

@@ -119,7 +119,12 @@ def test_only_what_is_enabled_must_be_healthy():
     assert status(enabled=0x3, health=0x3)[1].ok
     sick = status(health=0x10200006)[1]
     assert (sick.ok, sick.detail) == (False, "not healthy: gyroscope")
-    assert "estimate" in status(health=0x10000007)[1].detail
+    assert not sick.only_estimate
+    doubted = status(health=0x10000007)[1]
+    assert (doubted.ok, doubted.only_estimate) == (False, True)
+    assert doubted.detail == "not healthy: attitude and position estimate"
+    assert not status(health=0x10000006)[1].only_estimate
+    assert not status()[1].only_estimate
 
 
 @pytest.mark.parametrize("enabled", [0x200007, 0x10200007])

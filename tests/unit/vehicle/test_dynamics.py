@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dfvs_sim.dynamics.control import Controller, Demand
 from dfvs_sim.dynamics.estimate_errors import EstimateErrors
-from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.estimator import Estimate, Estimator
 from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, TILT_MAX_RAD, Command, Quadrotor
 
 DT_S = 0.004
@@ -165,3 +165,22 @@ def test_with_still_rotors_it_falls_and_stays_on_the_ground() -> None:
     assert vehicle.on_ground
     assert vehicle.down_m == 2.0
     assert vehicle.v_north_m_s == vehicle.v_down_m_s == 0.0
+
+
+def test_headings_that_were_demanded_before_a_reset_shift_along_with_it() -> None:
+    controller, estimate = Controller(), Estimate(yaw_rad=0.2)
+    for _ in range(30):  # the newest demands are on their way
+        controller.update(DT_S, Demand(yaw_rad=0.2), estimate)
+    controller.shift_heading(0.1)
+    estimate.yaw_rad = 0.3
+    demands = [Demand(yaw_rad=0.3)] * 30
+    rates = [controller.update(DT_S, d, estimate).yaw_rate_rad_s for d in demands]
+    assert rates == pytest.approx([0.0] * 30, abs=1e-9)
+
+
+def test_a_yaw_rate_that_was_demanded_before_a_reset_goes_on() -> None:
+    controller, estimate, demand = Controller(), Estimate(), Demand(yaw_rate_rad_s=0.4)
+    for _ in range(30):
+        controller.update(DT_S, demand, estimate)
+    controller.shift_heading(0.1)
+    assert controller.update(DT_S, demand, estimate).yaw_rate_rad_s == pytest.approx(0.4)

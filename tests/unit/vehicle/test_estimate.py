@@ -1,17 +1,20 @@
 """The vehicle's state estimate: its errors, and that the vehicle is flown by it."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from vehicle_in_hand import VehicleInHand, hovering, in_offboard, setpoint
+from vehicle_in_hand import START_NS, VehicleInHand, hovering, in_offboard, setpoint
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
-from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.estimator import Estimate, Estimator
 from dfvs_sim.dynamics.gauss_markov import FirstOrder, SecondOrder, normal_source
 from dfvs_sim.dynamics.rigid_body import Command, Quadrotor
+from dfvs_sim.vehicle.modes import Mode
 
 DT_S = 0.004
 MOTION = (
@@ -120,6 +123,90 @@ def test_a_reset_shifts_the_estimate_for_good_and_is_counted() -> None:
         e = estimator.update(DT_S, vehicle)
         assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
         assert e.resets == 1
+
+
+RESET = EstimateErrors(heading_reset_mean_deg=4.0)
+
+
+def yaw_deg(estimate: Estimate) -> float:
+    return math.degrees(estimate.yaw_rad)
+
+
+def test_the_heading_is_reset_above_1_5_m_of_estimated_height_once() -> None:
+    vehicle, estimator = Quadrotor(ground_m=0.3), Estimator(RESET, np.random.default_rng(0))
+    assert yaw_deg(estimator.update(DT_S, vehicle)) == pytest.approx(-4.0)
+    assert math.degrees(estimator.attitude_error_rad[2]) == pytest.approx(-4.0)
+    vehicle.on_ground, vehicle.down_m = False, -1.2
+    e = estimator.update(DT_S, vehicle)
+    assert (yaw_deg(e), e.resets) == (pytest.approx(-4.0), 0)
+    vehicle.down_m = -1.21
+    e = estimator.update(DT_S, vehicle)
+    assert (yaw_deg(e), e.resets) == (pytest.approx(0.0), 1)
+    assert math.degrees(estimator.heading_change_rad) == pytest.approx(4.0)
+    assert estimator.attitude_error_rad[2] == pytest.approx(0.0)
+    for down_m in (-1.3, 0.0, -2.0):
+        vehicle.down_m = down_m
+        e = estimator.update(DT_S, vehicle)
+        assert (yaw_deg(e), e.resets) == (pytest.approx(0.0), 1)
+        assert estimator.heading_change_rad == 0.0
+
+
+def test_the_height_is_the_estimated_one_above_where_the_estimate_left_the_ground() -> None:
+    vehicle, estimator = Quadrotor(), Estimator(RESET, np.random.default_rng(0))
+    estimator.reset_position(0.0, 0.0, -2.0)
+    vehicle_ground = estimator.update(DT_S, vehicle)
+    assert vehicle_ground.resets == 1
+    vehicle.on_ground, vehicle.down_m = False, -1.4
+    assert estimator.update(DT_S, vehicle).resets == 1
+    estimator.reset_position(0.0, 0.0, -0.2)
+    assert estimator.update(DT_S, vehicle).resets == 3
+
+
+@pytest.mark.parametrize("grade", [EstimateGrade.LOW, EstimateGrade.MEDIUM])
+def test_every_message_with_a_heading_tells_of_its_reset(grade: EstimateGrade) -> None:
+    vehicle = VehicleInHand(estimate=grade, parameters={"MIS_TAKEOFF_ALT": 2.0})
+    vehicle.run(2.0)
+    px4 = vehicle.px4
+    assert px4.arm(vehicle.now_ns) is None
+    assert px4.request_mode(Mode.TAKEOFF, vehicle.now_ns) is None
+    vehicle.run_until(lambda: px4.flight.estimate.resets == 1, 20.0)
+    change_deg = math.degrees(px4.flight.estimator.heading_change_rad)
+    reset_ns = vehicle.now_ns
+    vehicle.run(0.2)
+    odometry = vehicle.received("ODOMETRY")
+    assert [m.reset_counter for m in odometry if m.time_usec * 1000 < reset_ns - START_NS][-1] == 0
+    assert odometry[-1].reset_counter == 1
+
+    def jump_deg(name: str, heading: Callable[[Any], float]) -> float:
+        before, after = vehicle.received(name), vehicle.received(name, since_ns=reset_ns - 1)
+        before = before[: len(before) - len(after)]
+        return math.degrees(wrap_angle(heading(after[0]) - heading(before[-1])))
+
+    def of(w: float, x: float, y: float, z: float) -> float:
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    near = pytest.approx(change_deg, abs=0.3)  # the rest of what wanders between two messages
+    assert jump_deg("ATTITUDE", lambda m: m.yaw) == near
+    assert jump_deg("ATTITUDE_QUATERNION", lambda m: of(m.q1, m.q2, m.q3, m.q4)) == near
+    assert jump_deg("ODOMETRY", lambda m: of(*m.q)) == near
+    assert jump_deg("GLOBAL_POSITION_INT", lambda m: math.radians(m.hdg / 100)) == near
+
+
+def test_a_heading_that_is_held_shifts_along_with_a_reset(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(ERRORS, EstimateGrade.LOW, RESET)
+    parameters = {"MIS_TAKEOFF_ALT": 2.0}
+    vehicle = VehicleInHand(estimate=EstimateGrade.LOW, parameters=parameters)
+    px4 = vehicle.px4
+    vehicle.run(2.0)
+    px4.arm(vehicle.now_ns)
+    px4.request_mode(Mode.TAKEOFF, vehicle.now_ns)
+    vehicle.run_until(lambda: vehicle.body.down_m < -1.0, 20.0)
+    yaw_rad = vehicle.body.yaw_rad
+    vehicle.run(5.0)
+    assert px4.flight.estimate.resets == 1
+    assert math.degrees(wrap_angle(vehicle.body.yaw_rad - yaw_rad)) == pytest.approx(0.0, abs=0.05)
 
 
 def test_a_reset_is_told_by_odometry() -> None:

@@ -22,6 +22,9 @@ from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.modes import Mode
 
 NAN = math.nan
+ACCELEROMETER = float(mavlink.FAILURE_UNIT_SENSOR_ACCEL)
+SET_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+WRONG = float(mavlink.FAILURE_TYPE_WRONG)
 MAVLINK_SIGNAL = float(mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL)
 
 
@@ -314,6 +317,24 @@ def test_faults_are_injected_only_where_enabled(unit: int, kind: int, name: str)
         assert vehicle.px4.status.system_status() == 5
     else:
         assert vehicle.px4.flight.estimate.north_m - before > 1.5
+
+
+def test_a_warning_about_the_estimate_clears_its_bit_and_nothing_else() -> None:
+    vehicle = hovering(parameters={"SYS_FAILURE_EN": 1})
+    vehicle.command(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 50_000.0)
+    vehicle.run(0.5)
+    sound = vehicle.received("SYS_STATUS")[-1].onboard_control_sensors_health
+    flags = vehicle.received("ESTIMATOR_STATUS")[-1].flags
+    assert vehicle.command(420, ACCELEROMETER, WRONG, 0.0) == [0]
+    vehicle.run(0.5)
+    told = vehicle.received("SYS_STATUS")[-1]
+    assert sound & ~told.onboard_control_sensors_health == mavlink.MAV_SYS_STATUS_AHRS
+    assert told.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_AHRS
+    assert vehicle.received("ESTIMATOR_STATUS")[-1].flags == flags
+    assert vehicle.mode is Mode.HOLD
+    assert vehicle.command(420, ACCELEROMETER, 0.0, 0.0) == [0]
+    vehicle.run(0.5)
+    assert vehicle.received("SYS_STATUS")[-1].onboard_control_sensors_health == sound
 
 
 def test_a_dropped_link_is_silent_both_ways_until_mended_over_the_other() -> None:

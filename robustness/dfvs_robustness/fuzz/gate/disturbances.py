@@ -52,6 +52,8 @@ class Environment:
     on_ground: bool = False
     battery: float | None = 0.9
     healthy: bool = True
+    only_estimate: bool = False
+    """What is not healthy is the estimate alone."""
     estimator_valid: bool = True
     position_m: Triple = (1.0, 2.0, -3.0)
     velocity_m_s: Triple = (0.0, 0.0, 0.0)
@@ -150,7 +152,7 @@ def _telemetry(environment: Environment, rng: RandomSource) -> Environment:
         {"sends_status": False},
         {"roll_rad": math.nan},
         {"estimator_valid": False},
-        {"healthy": False},
+        {"healthy": False, "only_estimate": True},
         {"yaw_rad": rng.pick((math.nan, 3.0, -3.1, 0.0))},
         {"follows": math.nan},
         {"position_m": (north + rng.between(-3.0, 3.0), east, down)},
@@ -192,6 +194,11 @@ def _landed_state(t_ns: int, rng: RandomSource) -> LandedState:
     return LandedState(t_ns, flies, not flies and rng.chance(0.5))
 
 
+def _health(t_ns: int, rng: RandomSource) -> Event:
+    ok, can_arm = rng.chance(0.7), rng.chance(0.7)
+    return Health(t_ns, ok, can_arm=can_arm, only_estimate=can_arm and not ok)
+
+
 def _stop(t_ns: int, rng: RandomSource) -> Event:
     """Seldom: nothing moves any more in an episode that was told to stop."""
     if rng.chance(0.8):
@@ -206,7 +213,7 @@ _ODD_EVENTS: tuple[Callable[[int, RandomSource], Event], ...] = (
     lambda t, rng: LocalPosition(t, _triple(rng), _triple(rng)),
     _landed_state,
     lambda t, rng: Battery(t, None if rng.chance(0.2) else _number(rng)),
-    lambda t, rng: Health(t, rng.chance(0.7), can_arm=rng.chance(0.7)),
+    _health,
     lambda t, rng: EstimatorState(t, rng.chance(0.7)),
     lambda t, rng: ParametersRead(t),
     lambda t, rng: BadReport(t, "garbage"),

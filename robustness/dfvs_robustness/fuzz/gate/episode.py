@@ -205,7 +205,7 @@ class Surroundings:
         return [
             LandedState(now, environment.in_air, environment.on_ground),
             Battery(now, environment.battery),
-            Health(now, environment.healthy),
+            Health(now, environment.healthy, only_estimate=environment.only_estimate),
             EstimatorState(now, environment.estimator_valid),
             ParametersRead(now),
             OtherServices(now, *environment.others),

@@ -23,8 +23,9 @@ from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
-from dfvs_sim.ground.pilot import Pilot
+from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
@@ -39,6 +40,10 @@ class FlightError(DfvsError):
 
 class NotReadyError(FlightError):
     """Everything runs, but the service will not fly, and says why."""
+
+
+FLIGHT_ERRORS = (FlightError, PilotError, LinkError)
+"""Errors of a flight that cannot be brought up, where the next one may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,11 @@ class FlightLog:
     end_state: str
     end_cause: str
     vehicle_record: Path | None
+
+    @property
+    def flown(self) -> list[TrackPoint]:
+        """Path from the engagement to the end."""
+        return self.track.between(self.engaged_ns, self.ended_ns)
 
     @property
     def judged(self) -> list[TrackPoint]:
@@ -113,8 +123,10 @@ class Flight:
 
         Raises
         ------
-        DfvsError
-            If vehicle, pilot or service cannot be brought up.
+        FlightError, PilotError, LinkError
+            If vehicle, pilot or service cannot be brought up; see ``FLIGHT_ERRORS``.
+        ConfigError
+            If an address cannot be used, which every flight would meet.
         """
         for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
             write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
@@ -136,7 +148,7 @@ class Flight:
                 self._processes.vehicle_record,
             )
             time.sleep(_SETTLE_S)
-            session.pilot.hold()
+            self._hold(session.pilot)
             self._options.pause("press Enter to end")
         return log
 
@@ -149,13 +161,10 @@ class Flight:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
         link = self._ground_link(stack)
-        pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
+        pilot, tracker = Pilot(link, log=self._log), PoseTracker(link, log=self._log)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
-        take_off = self._plan.take_off()
-        if take_off.remark:
-            self._log(take_off.remark)
-        to_scene = self._camera_poses(tracker, take_off.height_m)
+        to_scene = self.take_off(pilot, tracker)
         track = Track(to_scene, self._plan.T_scene_goal)
         session = stack.enter_context(open_session("peer", (self._ports.zenoh_endpoint,)))
         camera = MockCamera(
@@ -163,8 +172,6 @@ class Flight:
         )
         stack.enter_context(running(camera.run, "camera"))
         stack.enter_context(running(track.run, "track"))
-        self._log(f"the pilot takes off to {take_off.height_m:.2f} m")
-        pilot.take_off(take_off.height_m)
         watch = TelemetryWatch(session, Topics(self._options.vehicle))
         self._log("starting dfvs-service")
         service = stack.enter_context(self._processes.service(self._goal_images()))
@@ -197,13 +204,35 @@ class Flight:
             pilot.land()
         pilot.prepare()
 
-    def _camera_poses(self, tracker: PoseTracker, height_m: float) -> CameraPoses:
-        """Poses in a scene in which the vehicle, now on the ground, climbs to the plan's start."""
+    def take_off(self, pilot: Pilot, tracker: PoseTracker) -> CameraPoses:
+        """Take off; returns poses in a scene in which the hover is the plan's start.
+
+        The scene is placed only then: the vehicle hovers where its estimate puts it.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle does not take off.
+        FlightError
+            If its pose is not known.
+        """
+        take_off = self._plan.take_off()
+        if take_off.remark:
+            self._log(take_off.remark)
+        self._log(f"the pilot takes off to {take_off.height_m:.2f} m")
+        pilot.take_off(take_off.height_m)
         pose = tracker.pose_at(time.monotonic_ns())
         if pose is None:
             raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
-        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), height_m)
+        T_scene_local = self._plan.T_scene_local(pose.T_local_body())
         return tracker.camera_poses(T_scene_local, self._plan.mount.T_body_camera())
+
+    def _hold(self, pilot: Pilot) -> None:
+        """Select Hold; where the vehicle refuses, what was flown counts all the same."""
+        try:
+            pilot.hold()
+        except DfvsError as error:
+            self._log(f"the vehicle is not in Hold: {error}")
 
     def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""

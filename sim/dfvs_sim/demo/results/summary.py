@@ -15,7 +15,11 @@ from dfvs_common.atomic_file import replace_json
 from dfvs_sim.demo.flight.engagement import READY, UNDER_WAY
 from dfvs_sim.demo.flight.flight import FlightLog
 from dfvs_sim.demo.flight.track import meets_criterion, path_length_m, settled_error
+from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.vehicle.record import read_record
+
+NOT_READY = "NOT READY"
+"""Instead of a gate's state, where a flight could not be brought up."""
 
 _COLUMNS = (
     ("start m", "initial_translation_m", 1.0, "7.2f"),
@@ -41,7 +45,8 @@ class FlightSummary:
     ``max_setpoint_gap_ms``: by the simulated vehicle's
     own record, while engaged; None beside a foreign autopilot. ``states``: the gate's, in order.
     ``vehicle``: its name. ``estimate``, ``wind``: what the simulated vehicle was flown with; None
-    beside a foreign autopilot.
+    beside a foreign autopilot. A flight that could not be brought up has no figures, and the end
+    state ``NOT READY``.
     """
 
     converged: bool
@@ -82,13 +87,12 @@ def write_results(log: FlightLog, folder: Path) -> FlightSummary:
 
 def summarise(log: FlightLog) -> FlightSummary:
     """Figures of a flight; the truth is the vehicle's pose, not the service's estimate."""
-    flown = log.track.between(log.engaged_ns, log.ended_ns)
+    flown = log.flown
     initial_m, initial_rad = (
         (flown[0].error_m, flown[0].error_rad) if flown else (math.nan, math.nan)
     )
     final_m, final_rad = settled_error(log.judged)
     setpoints = _engaged_setpoints_ns(log)
-    conditions = log.options.conditions if log.options.is_simulated else None
     return FlightSummary(
         converged=log.end_state == "DONE" and meets_criterion(final_m, final_rad),
         seed=log.plan.seed,
@@ -106,9 +110,36 @@ def summarise(log: FlightLog) -> FlightSummary:
         max_setpoint_gap_ms=_max_setpoint_gap_ms(setpoints),
         states=[state for t_ns, state in log.watch.states if t_ns <= log.ended_ns],
         vehicle=log.options.vehicle,
-        estimate=conditions.estimate if conditions else None,
-        wind=conditions.wind if conditions else None,
+        estimate=log.options.estimate,
+        wind=log.options.wind,
     )
+
+
+def write_not_flown(seed: int, options: FlightOptions, cause: str, folder: Path) -> FlightSummary:
+    """Write the summary of a flight that could not be brought up."""
+    summary = FlightSummary(
+        converged=False,
+        seed=seed,
+        end_state=NOT_READY,
+        end_cause=cause,
+        initial_translation_m=math.nan,
+        initial_rotation_deg=math.nan,
+        final_translation_m=math.nan,
+        final_rotation_deg=math.nan,
+        duration_s=math.nan,
+        path_ratio=math.nan,
+        frames=0,
+        latency_ms={},
+        stages_ms={},
+        max_setpoint_gap_ms=None,
+        states=[],
+        vehicle=options.vehicle,
+        estimate=options.estimate,
+        wind=options.wind,
+    )
+    replace_json(folder / "summary.json", summary.to_json())
+    (folder / "servo.jsonl").unlink(missing_ok=True)  # of an earlier flight
+    return summary
 
 
 def _engaged_setpoints_ns(log: FlightLog) -> list[int] | None:
@@ -156,6 +187,8 @@ def flight_table(documents: Sequence[Mapping[str, Any]]) -> str:
     for document in documents:
         cells = [_cell(document.get(key), factor, form) for _, key, factor, form in _COLUMNS]
         end = "converged" if document["converged"] else document["end_state"]
+        if end == NOT_READY:
+            end += f": {' '.join(document['end_cause'].split())}"
         lines.append(
             f"{document['vehicle']:<{width}}  {document['seed']:4d}  {'  '.join(cells)}  {end}"
         )

@@ -178,6 +178,8 @@ class Telemetry:
         health = _SENSORS if s.ready else _SENSORS & ~(_GPS | _POSITION)
         if not s.estimator_ok:
             health &= ~(_GPS | _POSITION)
+        if s.warns_of_estimate:
+            health &= ~_AHRS
         # PX4 sets this bit in the health alone, and by the present mode.
         if s.can_arm:
             health |= _PREARM

@@ -101,6 +101,9 @@ class Flight:
         self.vehicle.attitude_error_rad = self.estimator.attitude_error_rad
         self.vehicle.step(dt_s, command)
         self.estimator.update(dt_s, self.vehicle)
+        if change := self.estimator.heading_change_rad:
+            self.navigator.shift_heading(change)
+            self._controller.shift_heading(change)
         landed = self._land_detector.update(
             dt_s,
             on_ground=self.vehicle.on_ground,

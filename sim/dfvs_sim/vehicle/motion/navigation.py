@@ -83,6 +83,10 @@ class Navigator:
             self._target[2] = self._return_down(e)
             self._climbing = True
 
+    def shift_heading(self, change_rad: float) -> None:
+        """Shift the heading that is held along with a reset of the estimated one."""
+        self._yaw_rad += change_rad
+
     def demand(self, dt_s: float, mode: Mode, estimate: Estimate) -> Demand:
         """Advance the mode's profiles by dt_s and say what they ask for."""
         if mode is Mode.RETURN:

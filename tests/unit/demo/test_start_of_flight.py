@@ -1,0 +1,103 @@
+"""Where a flight begins, wherever the vehicle truly hovers, and that its end loses nothing."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, pose_error
+from dfvs_core.messages.goal import Mount
+from dfvs_sim.demo.flight.flight import Flight, FlightError
+from dfvs_sim.demo.options import FlightOptions
+from dfvs_sim.demo.plan import FlightPlan
+from dfvs_sim.ground.pilot import PilotError
+from dfvs_sim.ground.pose import VehiclePose
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.viewpoints.poses import CameraPoses, camera_pose
+
+START, GOAL = camera_pose((0.3, -1.2, -1.3), 0.85), camera_pose((0.5, -1.0, -1.3), 0.7)
+GROUND = VehiclePose(0, (2.0, 1.0, 0.1), 0.0, 0.0, 0.4)
+TILT_RAD = 0.02
+HOVER = VehiclePose(0, (2.5, 0.8, -1.0), TILT_RAD, 0.0, 0.5)
+"""Half a metre and six degrees beside the place above the ground, and 0.2 m too low."""
+
+
+class Vehicle:
+    """Pilot and tracker of a vehicle that truly hovers beside where it took off."""
+
+    def __init__(self, *poses: VehiclePose | None) -> None:
+        self._ground, self._hover = poses
+        self.climbed_m: float | None = None
+
+    def take_off(self, height_m: float) -> None:
+        self.climbed_m = height_m
+
+    def pose_at(self, _: int) -> VehiclePose | None:
+        return self._ground if self.climbed_m is None else self._hover
+
+    def camera_poses(self, T_scene_local: FloatArray, T_body_camera: FloatArray) -> CameraPoses:
+        def pose(_: int) -> FloatArray | None:
+            at = self.pose_at(0)
+            return None if at is None else T_scene_local @ at.T_local_body() @ T_body_camera
+
+        return pose
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Iterator[Flight]:
+    camera = CameraModel.from_horizontal_fov(96, 72, 1.3)
+    renderer = Renderer(load_glb(builtin_room_path()))
+    plan = FlightPlan(renderer, camera, Mount(), START, GOAL, 0)
+    flight = Flight(plan, FlightOptions(), tmp_path, lambda _: None)
+    yield flight
+    flight._ports.close()  # as ``run`` does
+
+
+def test_the_camera_hovers_at_the_planned_start_but_for_its_tilt(flight: Flight) -> None:
+    vehicle: Any = Vehicle(GROUND, HOVER)
+    T_scene_camera = flight.take_off(vehicle, vehicle)(0)
+    assert T_scene_camera is not None
+    distance_m, angle_rad = pose_error(T_scene_camera, START)
+    assert distance_m == pytest.approx(0.0, abs=1e-9)
+    assert angle_rad == pytest.approx(TILT_RAD, abs=1e-9)
+
+
+def test_the_scene_stays_upright(flight: Flight) -> None:
+    vehicle: Any = Vehicle(GROUND, HOVER)
+    T_scene_camera = flight.take_off(vehicle, vehicle)(0)
+    assert T_scene_camera is not None
+    T_scene_body = T_scene_camera @ invert_pose(Mount().T_body_camera())
+    T_scene_local = T_scene_body @ invert_pose(HOVER.T_local_body())
+    np.testing.assert_allclose(T_scene_local[2, :3], [0.0, 0.0, 1.0], atol=1e-9)
+
+
+def test_the_vehicle_climbs_by_the_start_s_height_above_the_floor(flight: Flight) -> None:
+    vehicle: Any = Vehicle(GROUND, HOVER)
+    flight.take_off(vehicle, vehicle)
+    assert vehicle.climbed_m == pytest.approx(1.3, abs=0.02)
+
+
+def test_a_hover_that_is_not_known_is_an_error(flight: Flight) -> None:
+    vehicle: Any = Vehicle(GROUND, None)
+    with pytest.raises(FlightError, match="pose is not known"):
+        flight.take_off(vehicle, vehicle)
+
+
+def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Refusing:
+        def hold(self) -> None:
+            raise PilotError("Hold was denied", "an accepted mode")
+
+    said: list[str] = []
+    monkeypatch.setattr(flight, "_log", said.append)
+    pilot: Any = Refusing()
+    flight._hold(pilot)
+    assert said == ["the vehicle is not in Hold: Hold was denied; expected an accepted mode"]
