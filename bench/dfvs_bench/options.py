@@ -11,7 +11,7 @@ from dfvs_bench.trials.perturbation import Perturbation
 from dfvs_bench.trials.provenance import git_revision
 from dfvs_bench.trials.results import TrialRecord, write_record
 from dfvs_bench.trials.run import Countdown, Job, run_job, unfinished
-from dfvs_bench.trials.scenes import default_tasks, task_in
+from dfvs_bench.trials.scenes import ASSETS, default_tasks, task_in
 from dfvs_bench.trials.tables import trial_line
 from dfvs_bench.trials.task import BenchTask, read_tasks
 from dfvs_common.command_line import require_file, require_folder
@@ -69,7 +69,9 @@ def add_trial_options(
         help=f"depth network of network-depth and fused-depth (default: {DEFAULT_DEPTH})",
     )
     for name in POSE_NETWORKS:
-        add(f"--{name}-bundle", default=name, metavar="NAME", help=f"network of {name}")
+        shipped = ASSETS / name
+        default, where = (str(shipped), " (default: shipped)") if shipped.is_dir() else (name, "")
+        add(f"--{name}-bundle", default=default, metavar="NAME", help=f"network of {name}{where}")
 
 
 def _networks_from(args: argparse.Namespace) -> dict[str, str]:

@@ -10,6 +10,8 @@ from depth_bundle import bundle
 from dfvs_bench.methods.method import Decision, Networks
 from dfvs_bench.methods.pose_regression import PoseRegressionMethod
 from dfvs_bench.methods.registry import METHODS
+from dfvs_bench.trials.scenes import ASSETS
+from dfvs_bench.trials.settings import wall
 from dfvs_bench.trials.task import BenchTask
 from dfvs_bench.trials.trial import goal_observation, run_trial
 from dfvs_core.geometry.camera import CameraModel
@@ -137,6 +139,18 @@ def test_servoing_by_a_regressed_pose_ends_at_the_goal_whatever_the_bias(room, u
     assert trial.final.distance_m < 0.004
     assert trial.final.angle_rad < np.radians(0.2)
     assert trial.path_ratio < 1.1
+
+
+def test_the_siamese_network_ends_at_the_goal_before_a_plane(room):
+    """Its authors' setting: a photograph 2 m away, seen from half of their displacement."""
+    photograph = room.render(LARGE, T_WORLD_GOAL, antialias=True).image
+    T_goal = camera_pose((0.0, 0.0, 0.0), 0.0)
+    away = make_pose(so3_exp(np.radians([-6.0, 6.0, 15.0])), np.array([0.12, -0.12, 0.06]))
+    there = BenchTask("wall", Path("wall.glb"), T_goal @ away, T_goal, LARGE)
+    network = METHODS["bateux"].load(str(ASSETS / "bateux"))
+    trial = servo(Renderer(wall(photograph)), "bateux", there, 60, pose=network.pose)
+    assert trial.final.distance_m < 0.04
+    assert trial.final.angle_rad < np.radians(1.0)
 
 
 def test_the_published_law_nears_the_goal_slowly(room):

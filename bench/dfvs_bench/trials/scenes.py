@@ -30,7 +30,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, math.radians(90.0))
 """The paper's field of view, at a size that a companion computer works on."""
 
 TASKS_FILE = "tasks.json"
-_ASSETS = Path(__file__).resolve().parent.parent / "assets"
+ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ SCENES = (
 
 def default_tasks() -> list[BenchTask]:
     """Tasks of the ten scenes, which come with the package."""
-    return read_tasks(_ASSETS / TASKS_FILE)
+    return read_tasks(ASSETS / TASKS_FILE)
 
 
 def make_scenes(
