@@ -2,8 +2,8 @@
 
 Both images go through an encoder of ImageNet, here EfficientNet-Lite0. Bateux et al. regress the
 pose from the features of both at once. Here flow is regressed on the way, coarse to fine, and the
-pose from flow: all cells of both images are compared (as in GMFlow, Xu et al., CVPR 2022), then
-those around what was found, twice (a cost volume as in PWC-Net, Sun et al., CVPR 2018).
+pose from flow. All cells of both images are compared (as in GMFlow, Xu et al., CVPR 2022). Then
+those around what was found are, twice (a cost volume as in PWC-Net, Sun et al., CVPR 2018).
 """
 
 from typing import NamedTuple
@@ -98,8 +98,8 @@ class SiameseNet(PoseNet):
         grid = _grid(rows, columns).flatten(1)
         share = similarity.softmax(2)
         mean = (share @ grid.T).transpose(1, 2) - grid
-        sure = share.amax(2)[:, None]
-        told = torch.cat([mean, sure, grid.expand(len(first), -1, -1)], 1)
+        confidence = share.amax(2)[:, None]
+        told = torch.cat([mean, confidence, grid.expand(len(first), -1, -1)], 1)
         told = told.reshape(-1, 5, rows, columns)
         change = self.smooth_head(self.smooth(torch.cat([first, second, told], 1)))
         return Flow(told[:, :2] + change[:, :2], change[:, 2:])
@@ -123,11 +123,11 @@ class SiameseNet(PoseNet):
         similarity = self.sharpness_4.exp() * alike
         share = similarity.softmax(1)
         mean = (share.permute(0, 2, 3, 1) @ _window()).permute(0, 3, 1, 2)
-        sure = share.amax(1, keepdim=True)
+        confidence = share.amax(1, keepdim=True)
         relative = 10.0 * (flow - flow.mean((2, 3), keepdim=True))
-        told = [similarity / 4.0, 7.0 * first, mean, sure, relative, spread]
+        told = [similarity / 4.0, 7.0 * first, mean, confidence, relative, spread]
         change = self.update_head(self.update(torch.cat(told, 1))).float()
-        better = flow + (sure * mean + change[:, :2]) / columns
+        better = flow + (confidence * mean + change[:, :2]) / columns
         return Flow(better, spread + change[:, 2:]), similarity
 
     def regress(self, found: Flow, focal: Tensor) -> PosePrediction:
