@@ -54,7 +54,7 @@ class TestADistortedCamera:
         assert (Renderer(scene_of(wall(-2.0))).render(distorted(), NORTHWARD).depth_m == 0).all()
 
     def test_that_opencv_does_not_invert_is_refused(self):
-        wide = CameraModel(640, 480, 250.0, 250.0, 320.0, 240.0, (-0.3, 0.1, 0.0, 0.0))
+        wide = CameraModel(640, 480, 211.0, 211.0, 320.0, 240.0, (0.7, 0.05, 0.0, 0.0, -0.17))
         with pytest.raises(GeometryError, match="cannot be inverted"):
             lens_of(wide)
 
