@@ -20,10 +20,13 @@ RADIUS = 3
 STRIDE = 8
 """Of the grid that the pose is regressed from, px."""
 _UPDATES = 2
+"""Refinements of the flow."""
 _COARSE, _FINE = 64, 48
 """Channels of the descriptors at 1/8 and 1/4 of the image's size."""
 _SPREAD = (-9.0, 0.5)
+"""Logarithms of a spread that tell the pose something; smaller and larger ones are cut."""
 _FIRST_SPREAD = -3.0
+"""Logarithm of the spread that a training begins with."""
 
 
 class Described(NamedTuple):
@@ -39,11 +42,13 @@ class Flow(NamedTuple):
     flow: Tensor
     spread: Tensor
 
-    def resized(self, factor: float) -> "Flow":
-        """Flow on a grid that is twice or half as fine."""
-        if factor < 1.0:
-            return Flow(*(functional.avg_pool2d(x, 2) for x in self))
+    def doubled(self) -> "Flow":
+        """Flow on a grid that is twice as fine."""
         return Flow(*(_upsampled(x) for x in self))
+
+    def halved(self) -> "Flow":
+        """Flow on a grid that is half as fine."""
+        return Flow(*(functional.avg_pool2d(x, 2) for x in self))
 
 
 class SiameseNet(PoseNet):
@@ -141,10 +146,10 @@ class SiameseNet(PoseNet):
     def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
         """Pose of images (B, 1, 144, 192) in -1..1 of a focal length (B, 1) over the width."""
         coarse, fine = self.describe(first, second)
-        found = self.first_flow(coarse, self.similarity(coarse)).resized(2.0)
+        found = self.first_flow(coarse, self.similarity(coarse)).doubled()
         for _ in range(_UPDATES):
             found, _ = self.refined(fine, found)
-        return self.regress(found.resized(0.5), focal)
+        return self.regress(found.halved(), focal)
 
 
 def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:

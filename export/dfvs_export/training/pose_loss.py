@@ -80,14 +80,14 @@ def siamese_loss(
     found = network.first_flow(coarse, similarity)
     total = _MATCH_WEIGHT * _match_loss(similarity, half)
     total = total + _FLOW_WEIGHTS[0] * _flow_loss(found, half)
-    found = found.resized(2.0)
+    found = found.doubled()
     for weight in _FLOW_WEIGHTS[1:]:
         before = found.flow.detach()
         with torch.autocast("cpu", torch.bfloat16):
             found, alike = network.refined(fine, found)
         total = total + _LOCAL_WEIGHT * _local_loss(alike, batch.flow - before)
         total = total + weight * _flow_loss(found, batch.flow)
-    pose = network.regress(found.resized(0.5), batch.focal)
+    pose = network.regress(found.halved(), batch.focal)
     pose_loss, t_error, r_error = _pose_loss(pose, batch.translation, batch.rotation)
     drawn, focal, truth = drawn_flows(_DRAWN_FLOWS, rng)
     total = total + pose_loss + _pose_loss(network.regress(drawn, focal), *truth)[0]
