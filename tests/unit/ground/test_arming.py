@@ -1,9 +1,9 @@
 """The pilot arms a vehicle whose checks fail for moments."""
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from fake_ground_link import FakeGroundLink
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.ground.pilot import Pilot, PilotError
@@ -12,14 +12,14 @@ from dfvs_sim.vehicle.modes import Mode
 ACCEPTED, TEMPORARILY_REJECTED, DENIED = 0, 1, 2
 
 
-class FlickeringVehicle:
+class FlickeringVehicle(FakeGroundLink):
     """A vehicle in Hold that answers commands to arm with these results, the last one for ever."""
 
     def __init__(self, *results: int) -> None:
+        super().__init__()
         self._results = results
         self.asked = 0
         self._is_armed = False
-        self.texts: list[tuple[int, str]] = []
 
     def command(self, command: int, *params: float) -> int:
         assert (command, params) == (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
@@ -28,21 +28,11 @@ class FlickeringVehicle:
         self._is_armed = result == ACCEPTED
         return result
 
-    def latest(self, name: str) -> Any:
-        return self.wait_for(name, 0.0)
-
-    def wait_for(
-        self,
-        name: str,
-        _timeout_s: float,
-        accept: Callable[[Any], bool] = lambda _: True,
-        since_ns: int = 0,
-    ) -> Any:
+    def message(self, name: str) -> Any:
         if name != "HEARTBEAT":
             return None
         base_mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._is_armed else 0
-        message = mavlink.MAVLink_heartbeat_message(2, 12, base_mode, Mode.HOLD.custom_mode, 3, 3)
-        return message if accept(message) else None
+        return mavlink.MAVLink_heartbeat_message(2, 12, base_mode, Mode.HOLD.custom_mode, 3, 3)
 
 
 def arm(vehicle: FlickeringVehicle, arming_s: float = 60.0) -> None:

@@ -1,10 +1,10 @@
 """How high the pilot has the vehicle climb, where PX4's home is that of an earlier flight."""
 
-from collections.abc import Callable
 from types import SimpleNamespace as Message
 from typing import Any
 
 import pytest
+from fake_ground_link import FakeGroundLink
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.ground.pilot import Pilot, PilotError
@@ -14,14 +14,12 @@ GROUND_M = 0.3
 """Local z of the vehicle that stands on the ground; home is 100 m above the sea at local z 0.1."""
 
 
-class ClimbingVehicle:
+class ClimbingVehicle(FakeGroundLink):
     """An armed vehicle in Hold that is where it was sent at once."""
 
-    target = 1
-
     def __init__(self) -> None:
+        super().__init__()
         self.down_m, self.altitude_m = GROUND_M, 0.0
-        self.texts: list[tuple[int, str]] = []
 
     def command(self, command: int, *params: float) -> int:
         assert command == mavlink.MAV_CMD_NAV_TAKEOFF
@@ -29,23 +27,12 @@ class ClimbingVehicle:
         self.down_m = 0.1 - (self.altitude_m - 100.0)
         return 0
 
-    def latest(self, name: str) -> Any:
-        return self.wait_for(name, 0.0)
-
-    def wait_for(
-        self,
-        name: str,
-        _timeout_s: float,
-        accept: Callable[[Any], bool] = lambda _: True,
-        _since_ns: int = 0,
-        **_options: int,
-    ) -> Any:
-        message = {
+    def message(self, name: str) -> Any:
+        return {
             "HEARTBEAT": Message(base_mode=128, custom_mode=Mode.HOLD.custom_mode),
             "HOME_POSITION": Message(altitude=100_000, z=0.1),
             "LOCAL_POSITION_NED": Message(z=self.down_m, vx=0.0, vy=0.0, vz=0.0),
         }.get(name)
-        return message if message is not None and accept(message) else None
 
 
 class HoveringVehicle:
