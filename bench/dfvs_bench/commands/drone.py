@@ -27,7 +27,7 @@ from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
-from dfvs_sim.demo.conditions import Conditions, add_condition_options, conditions_from
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json
@@ -134,7 +134,7 @@ def _setting(args: argparse.Namespace) -> Setting:
         ready_s=args.ready,
         revision=git_revision(),
         config=args.config,
-        conditions=conditions_from(args) if args.autopilot is None else Conditions(),
+        conditions=conditions_from(args),
         autopilot=args.autopilot,
         ground=args.ground,
         system_id=args.system_id,

@@ -27,7 +27,7 @@ class HeadingReset:
         (source,) = rng.spawn(1)
         change_deg = mean_deg + sd_deg * float(source.standard_normal())
         self.error_rad = -math.radians(change_deg) if self._is_pending else 0.0
-        """What the heading is wrong by besides its other errors."""
+        """Error of the heading that the reset takes away, rad; 0 after it."""
         self._ground_down_m: float | None = None
 
     def update(self, down_m: float, *, on_ground: bool) -> float | None:
