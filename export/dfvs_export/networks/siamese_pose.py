@@ -17,10 +17,10 @@ from dfvs_export.networks.pose_regression import SLOPE, PoseNet, PosePrediction,
 
 RADIUS = 3
 """Of the cells around the flow so far that a refinement compares."""
+UPDATES = 2
+"""Refinements of the flow."""
 STRIDE = 8
 """Of the grid that the pose is regressed from, px."""
-_UPDATES = 2
-"""Refinements of the flow."""
 _COARSE, _FINE = 64, 48
 """Channels of the descriptors at 1/8 and 1/4 of the image's size."""
 _SPREAD = (-9.0, 0.5)
@@ -147,7 +147,7 @@ class SiameseNet(PoseNet):
         """Pose of images (B, 1, 144, 192) in -1..1 of a focal length (B, 1) over the width."""
         coarse, fine = self.describe(first, second)
         found = self.first_flow(coarse, self.similarity(coarse)).doubled()
-        for _ in range(_UPDATES):
+        for _ in range(UPDATES):
             found, _ = self.refined(fine, found)
         return self.regress(found.halved(), focal)
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from dfvs_export.networks.pose_regression import PosePrediction, StackedNet
-from dfvs_export.networks.siamese_pose import RADIUS, Flow, SiameseNet
+from dfvs_export.networks.siamese_pose import RADIUS, UPDATES, Flow, SiameseNet
 from dfvs_export.training.drawn_flows import drawn_flows
 from dfvs_export.training.pose_pairs import STRIDE
 
@@ -81,7 +81,7 @@ def siamese_loss(
     total = _MATCH_WEIGHT * _match_loss(similarity, half)
     total = total + _FLOW_WEIGHTS[0] * _flow_loss(found, half)
     found = found.doubled()
-    for weight in _FLOW_WEIGHTS[1:]:
+    for _, weight in zip(range(UPDATES), _FLOW_WEIGHTS[1:], strict=True):
         before = found.flow.detach()
         with torch.autocast("cpu", torch.bfloat16):
             found, alike = network.refined(fine, found)
