@@ -1,6 +1,7 @@
 """Both distributions as wheels: content, size, and commands in an environment without extras."""
 
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+
+from dfvs_common.lifecycle import ONE_BLAS_THREAD
 
 ROOT = Path(__file__).parents[3]
 AIRCRAFT, LAB = (
@@ -136,11 +139,15 @@ def test_the_laboratory_s_wheel_holds_its_rooms_with_their_assets(wheels):
 
 @pytest.mark.parametrize("project", [AIRCRAFT, LAB], ids=["aircraft", "lab"])
 def test_every_command_tells_its_version(commands, project):
-    """All of an environment in one process."""
+    """All of an environment in one process, which none has to begin anew for one BLAS thread."""
     paths = [str(commands[name]) for name in project["scripts"]]
     python = commands[next(iter(project["scripts"]))].parent / "python"
     told = subprocess.run(
-        [python, "-c", VERSIONS, *paths], capture_output=True, text=True, check=False
+        [python, "-c", VERSIONS, *paths],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | ONE_BLAS_THREAD,
     )
     assert (told.returncode, told.stderr) == (0, "")
     expected = [f"{name} {AIRCRAFT['version']}" for name in project["scripts"]]
