@@ -60,12 +60,14 @@ class BoxFlight:
         Choice of ``servo.depth``.
     network : DepthEstimator, optional
         For ``network`` and ``fused``.
+    room : BoxRoom
+        Around it.
     """
 
-    def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None):
+    def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None, room=ROOM):
         self._T_body_camera = (mounted or Mount()).T_body_camera()
         rng = np.random.default_rng(seed)
-        self.matcher = PosedMatcher(ROOM, lambda: _noise(rng))
+        self.matcher = PosedMatcher(room, lambda: _noise(rng))
         self.matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
         image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
         sidecar = GoalSidecar(CAMERA)

@@ -18,6 +18,8 @@ HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
 @dataclass(frozen=True)
 class BoxRoom:
     camera: CameraModel
+    times: float = 1.0
+    """As large as usual."""
 
     @cached_property
     def pixels(self):
@@ -33,7 +35,7 @@ class BoxRoom:
     def depth(self, T_world_camera):
         """(H, W) m along the optical axis."""
         directions = T_world_camera[:3, :3] @ self.rays
-        walls = np.copysign(HALF_SIZE_M[:, None], directions)
+        walls = np.copysign(self.times * HALF_SIZE_M[:, None], directions)
         with np.errstate(divide="ignore"):
             reach = (walls - T_world_camera[:3, 3:]) / directions
         return reach.min(axis=0).reshape(self.pixels.shape[:2])

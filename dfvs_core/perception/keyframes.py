@@ -81,18 +81,21 @@ class Keyframes:
             return self._frames[-1] if times else None
         return self._frames[times.index(t_capture_ns)] if t_capture_ns in times else None
 
-    def for_depth(self, T_world_camera: FloatArray, depth_m: float) -> Keyframe | None:
+    def for_depth(
+        self, T_world_camera: FloatArray, depth_m: float, least_m: float = 0.0
+    ) -> Keyframe | None:
         """Keyframe to triangulate the depth of a frame against, from its pose (4, 4), m.
 
-        The newest whose baseline suffices at a median depth, m; else the one with the longest. None
-        if all are too near or too turned.
+        The newest whose baseline suffices at a median depth, m, and is ``least_m`` or more; else
+        the one with the longest. None if all are too near or too turned.
         """
+        wanted_m = max(_WANTED_PARALLAX * depth_m, least_m)
         best, best_baseline_m = None, _LEAST_PARALLAX * depth_m
         for frame in reversed(self._frames):
             baseline_m, angle_rad = frame.motion_to(T_world_camera)
             if angle_rad > _MOST_TURN_RAD:
                 continue
-            if baseline_m >= _WANTED_PARALLAX * depth_m:
+            if baseline_m >= wanted_m:
                 return frame
             if baseline_m > best_baseline_m:
                 best, best_baseline_m = frame, baseline_m

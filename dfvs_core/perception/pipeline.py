@@ -94,6 +94,7 @@ class Pipeline:
         self._load = FrameLoad()
         self._depth_ns = 0
         self._depth_m = task.config.constant_depth_m
+        self._least_baseline_m = 0.0
         self._state = ServoState()
         self.observed_ns: int | None = None
         """Capture time of the keyframe whose preview tracking of this goal began with, or None."""
@@ -237,17 +238,25 @@ class Pipeline:
         return self._tick() - start_ns
 
     def _learn_depth(self, last: Keyframe) -> bool:
-        """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
+        """Compare the last frame with a keyframe; False if too soon, or none is far enough.
+
+        Where a baseline tells nothing the scene may be farther away than is believed: the next one
+        is twice as long.
+        """
         if self._task.config.depth not in ("motion", "fused"):
             return False
         is_due = last.t_capture_ns - self._depth_ns >= DEPTH_PERIOD_NS
-        chosen = self._keyframes.for_depth(last.T_world_camera, self._depth_m) if is_due else None
-        if chosen is None:
+        chosen = is_due and self._keyframes.for_depth(
+            last.T_world_camera, self._depth_m, self._least_baseline_m
+        )
+        if not chosen:
             return False
         self._depth_ns = last.t_capture_ns
         match = self._compare(last.features, last.T_world_camera, chosen)
         if match is not None:
-            self._state = observe_depth(self._task, self._state, match)
+            before, self._state = self._state, observe_depth(self._task, self._state, match)
+            baseline_m, _ = chosen.motion_to(last.T_world_camera)
+            self._least_baseline_m = 2.0 * baseline_m if self._state is before else 0.0
         return True
 
     def _compare(

@@ -108,7 +108,8 @@ class GoalEstimate:
 
     ``error_m_s`` is the adapted standard deviation of ``e`` per axis, ``slip_m_s`` (3,) the rate of
     the odometry's position minus its velocity, low-passed, in the camera's axes. ``outliers``
-    counts measurements in a row that were not used.
+    counts measurements in a row that were not used, ``restarts`` how often they became a new
+    position.
     """
 
     x: FloatArray
@@ -116,6 +117,7 @@ class GoalEstimate:
     error_m_s: float
     slip_m_s: FloatArray
     outliers: int = 0
+    restarts: int = 0
 
     @property
     def metres_per_unit(self) -> float:
@@ -232,7 +234,7 @@ def update(
     nis = float(innovation @ np.linalg.solve(S, innovation))
     if nis > model.gate:
         if estimate.outliers + 1 >= model.outliers:
-            return begin(seen, model, estimate)
+            return replace(begin(seen, model, estimate), restarts=estimate.restarts + 1)
         return replace(estimate, outliers=estimate.outliers + 1)
     S += np.eye(3) * spread**2 * (weight - 1.0)
     K = np.linalg.solve(S, estimate.P[_P, :]).T

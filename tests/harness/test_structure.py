@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from box_flight import ROOM, STATE_S, BoxFlight
+from box_flight import CAMERA, ROOM, STATE_S, BoxFlight
+from box_room import BoxRoom
 
 from dfvs_core.messages.goal import Mount
 from dfvs_core.servo.config import ServoConfig
@@ -38,6 +39,15 @@ def test_the_first_structure_keeps_the_unit_that_the_scale_is_of():
         flight.step((0.3, 0.1, 0.0), error=np.zeros(3))
     assert flight.state.estimate.metres_per_unit == pytest.approx(1.0, abs=0.1)
     assert flight.state.estimate.scale_spread == pytest.approx(0.6, abs=0.01)
+
+
+def test_a_scene_far_beyond_the_guess_of_its_depth_is_learnt():
+    """A wall 40 m away is taken for one at 3 m, whose baselines are too short to measure it by."""
+    flight = BoxFlight((-6.0, 1.0, 0.3), room=BoxRoom(CAMERA, times=10.0))
+    for _ in range(round(8.0 / STATE_S)):
+        flight.step((0.45, -0.1, 0.0), error=np.zeros(3))
+    assert flight.looks[0].ratio < 0.15
+    assert 0.4 < flight.looks[-1].ratio < 1.3
 
 
 def test_the_unit_does_not_drift_while_measurements_add_up(learnt):

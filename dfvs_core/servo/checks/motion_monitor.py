@@ -153,7 +153,7 @@ class MotionMonitor:
         before = self.reference if frame.is_engaged else None
         length, reference = feature_error(frame.points, spacing, before)
         turn_rad = (task.basis.B @ frame.motion)[3:]
-        sample = error_sample(frame.t_ns, estimate.position_m, turn_rad, length, config)
+        sample = error_sample(frame.t_ns, estimate, turn_rad, length, config)
         is_asked = frame.is_engaged and _may_approach(task, frame)
         stop = update_stop(self.stop, sample, is_asked, frame.is_paused)
         window = window_error(stop)

@@ -4,12 +4,13 @@ Photometric error never decides: light changes. What counts is where the goal is
 correspondences, on average over a window: a hovering vehicle is never quite still.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.goal_filter import GoalEstimate
 
 _SHORT_NS, _LONG_NS = 1_000_000_000, 3_000_000_000
 """Windows of the stop rule: of a calm vehicle, and of one that is moved about."""
@@ -26,6 +27,9 @@ _INDEPENDENT = 3.0
 _PROGRESS_SHARE, _PROGRESS = 0.05, 5.0
 """Fall of an error that is progress, in parts of it, or in tolerances: far from the goal, at the
 reduced speed of the start, the first would take longer than is waited for."""
+_LEARNT = 0.8
+"""Uncertainty of the metric scale over the least so far, below which errors begin anew: distances
+before it are of another length, and flying to learn it is progress."""
 _NEARLY_THERE = 3.0
 """Error in tolerances, and mean error in spreads, below which progress is not asked for."""
 
@@ -36,13 +40,16 @@ class ErrorSample:
 
     ``offset`` (3,) is the goal's position and ``turn`` (3,) its rotation vector, both in the
     camera's axes. ``feature_error`` does not change when the depth is learnt, as they do: a start
-    that seems near may turn out to be far, and flying there is progress.
+    that seems near may turn out to be far, and flying there is progress. ``scale_spread`` and
+    ``restarts`` are the estimate's.
     """
 
     t_ns: int
     offset: FloatArray
     turn: FloatArray
     feature_error: float
+    scale_spread: float = 0.0
+    restarts: int = 0
 
     @property
     def score(self) -> float:
@@ -64,11 +71,22 @@ class WindowError:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The smallest errors so far, and when either of them last fell; a pause shifts that time."""
+    """The smallest errors so far, and when either of them last fell; a pause shifts that time.
+
+    They begin anew where the metric scale is known better or the goal's position is another one;
+    ``scale_spread`` and ``restarts`` are those of the last time.
+    """
 
     t_ns: int
     score: float
     feature_error: float
+    scale_spread: float = 0.0
+    restarts: int = 0
+
+    @classmethod
+    def of(cls, now: ErrorSample) -> "Progress":
+        """Progress that begins with this frame."""
+        return cls(now.t_ns, now.score, now.feature_error, now.scale_spread, now.restarts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +98,16 @@ class StopState:
 
 
 def error_sample(
-    t_ns: int, offset_m: FloatArray, turn_rad: FloatArray, feature_error: float, config: ServoConfig
+    t_ns: int,
+    estimate: GoalEstimate,
+    turn_rad: FloatArray,
+    feature_error: float,
+    config: ServoConfig,
 ) -> ErrorSample:
-    """Error of one frame: goal position (3,) in m and rotation vector (3,) in rad."""
-    offset, turn = offset_m / config.tolerance_m, turn_rad / config.tolerance_rad
-    return ErrorSample(t_ns, offset, turn, feature_error)
+    """Error of one frame: estimate of the goal's position, and its rotation vector (3,) in rad."""
+    offset, turn = estimate.position_m / config.tolerance_m, turn_rad / config.tolerance_rad
+    spread, restarts = estimate.scale_spread, estimate.restarts
+    return ErrorSample(t_ns, offset, turn, feature_error, spread, restarts)
 
 
 def update_stop(
@@ -99,7 +122,7 @@ def update_stop(
     recent = (*(s for s in state.recent if s.t_ns >= since), now)
     progress = state.progress
     if progress is None or not (engaged or paused):
-        progress = Progress(now.t_ns, now.score, now.feature_error)
+        progress = Progress.of(now)
     elif paused:
         progress = _pause(progress, state.recent[-1], now)
     else:
@@ -109,7 +132,8 @@ def update_stop(
 
 def _pause(progress: Progress, last: ErrorSample, now: ErrorSample) -> Progress:
     """Progress after a frame that does not count, neither its time nor its change of error."""
-    return Progress(
+    return replace(
+        progress,
         t_ns=progress.t_ns + now.t_ns - last.t_ns,
         score=_rebased(progress.score, last.score, now.score),
         feature_error=_rebased(progress.feature_error, last.feature_error, now.feature_error),
@@ -123,9 +147,13 @@ def _rebased(smallest: float, last: float, now: float) -> float:
 
 def _advance(progress: Progress, now: ErrorSample) -> Progress:
     """Lower each smallest error that was clearly undercut; either one is progress."""
+    is_learnt = now.scale_spread < _LEARNT * progress.scale_spread
+    if is_learnt or now.restarts != progress.restarts:
+        return Progress.of(now)
     nearer = progress.score - now.score > min(_PROGRESS_SHARE * progress.score, _PROGRESS)
     alike = now.feature_error < (1.0 - _PROGRESS_SHARE) * progress.feature_error
-    return Progress(
+    return replace(
+        progress,
         t_ns=now.t_ns if nearer or alike else progress.t_ns,
         score=now.score if nearer else progress.score,
         feature_error=now.feature_error if alike else progress.feature_error,

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from still_pipeline import pipeline
@@ -74,9 +75,9 @@ def test_a_view_that_changes_gives_keyframes_at_the_least_interval_and_one_that_
     assert [len(kept(frames)) for frames in (moving, turning, still)] == [11, 11, 4]
 
 
-def chosen(poses, T_world_camera):
+def chosen(poses, T_world_camera, least_m=0.0):
     frames = [frame(k * LONGEST_INTERVAL_NS, T) for k, T in enumerate(poses)]
-    found = kept(frames).for_depth(T_world_camera, DEPTH_M)
+    found = kept(frames).for_depth(T_world_camera, DEPTH_M, least_m)
     return None if found is None else frames.index(found)
 
 
@@ -88,6 +89,13 @@ def test_the_newest_frame_with_enough_baseline_is_chosen():
 def test_the_longest_baseline_serves_where_none_suffices():
     poses = [place(0.0), place(0.02), place(0.05)]
     assert chosen(poses, place(0.06)) == 0
+
+
+@pytest.mark.parametrize(("least_m", "index"), [(0.15, 2), (0.25, 1), (0.9, 0)])
+def test_a_longer_baseline_is_taken_where_it_is_asked_for(least_m, index):
+    """Where none is as long, the longest."""
+    poses = [place(0.0), place(0.05), place(0.1), place(0.28)]
+    assert chosen(poses, place(0.3), least_m) == index
 
 
 def test_frames_too_near_or_too_turned_are_not_used():

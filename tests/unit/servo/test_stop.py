@@ -1,5 +1,7 @@
 """The stop rule and the progress check: statistics of the error over a window."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,19 +15,25 @@ from dfvs_core.servo.checks.stop import (
     window_error,
 )
 from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.goal_filter import GoalEstimate
 
 FRAME_NS = 50_000_000
 NONE = np.zeros(3)
 
 
-def after(offsets, turns=None, engaged=True, feature_error=None):
-    """State after frames with these offsets along one axis, or vectors, in tolerances."""
+def after(offsets, turns=None, engaged=True, feature_error=None, learnt=None):
+    """State after frames with these offsets along one axis, or vectors, in tolerances.
+
+    ``learnt`` holds the scale's uncertainty and the position's restarts of each frame.
+    """
     state = StopState()
     for k, offset in enumerate(offsets):
         vector = np.array([offset, 0.0, 0.0]) if np.isscalar(offset) else np.array(offset)
         turn = NONE if turns is None else np.array([0.0, 0.0, turns[k]])
         feature = 0.5 if feature_error is None else feature_error[k]
-        state = update_stop(state, ErrorSample(k * FRAME_NS, vector, turn, feature), engaged)
+        spread, restarts = (0.0, 0) if learnt is None else learnt[k]
+        sample = ErrorSample(k * FRAME_NS, vector, turn, feature, spread, restarts)
+        state = update_stop(state, sample, engaged)
     return state
 
 
@@ -54,9 +62,12 @@ def swinging(mean, deviation, seconds, period_s=1.0):
 
 def test_errors_are_counted_in_tolerances():
     config = ServoConfig(tolerance_m=0.02, tolerance_rad=0.01)
-    sample = error_sample(0, np.array([0.03, 0.0, 0.04]), np.array([0.0, 0.02, 0.0]), 0.1, config)
+    x, P = np.array([0.03, 0.0, 0.04, 0.0, 0.0, 0.0, 0.0]), np.diag([0.0] * 6 + [0.25])
+    estimate = GoalEstimate(x, P, error_m_s=0.03, slip_m_s=NONE, restarts=2)
+    sample = error_sample(0, estimate, np.array([0.0, 0.02, 0.0]), 0.1, config)
     assert sample.score == pytest.approx(2.5)
-    turned = error_sample(0, NONE, np.array([0.0, 0.03, 0.0]), 0.1, config)
+    assert (sample.scale_spread, sample.restarts) == (0.5, 2)
+    turned = error_sample(0, replace(estimate, x=np.zeros(7)), np.array([0, 0.03, 0]), 0.1, config)
     assert turned.score == pytest.approx(3.0)
 
 
@@ -138,6 +149,23 @@ def test_an_error_whose_scale_was_learnt_late_is_no_lack_of_progress():
     assert min(taken_for_near[5:]) > 8.0
     assert not is_stuck(after(taken_for_near, feature_error=falling), progress_s=5.0)
     assert is_stuck(after(taken_for_near), progress_s=5.0)
+
+
+@pytest.mark.parametrize("learnt", [(0.4, 0), (0.6, 1)], ids=["scale", "position"])
+def test_errors_begin_anew_once_the_scale_or_another_position_is_known(learnt):
+    """The way is four times as long as was believed; the view does not tell that it falls."""
+    frames = 150
+    offsets = [12.0] * 40 + [48.0 * 0.995**k for k in range(frames - 40)]
+    known = [(0.6, 0)] * 40 + [learnt] * (frames - 40)
+    assert not is_stuck(after(offsets, learnt=known), progress_s=5.0)
+    assert is_stuck(after(offsets), progress_s=5.0)
+    standing = [12.0] * 40 + [48.0] * (frames - 40)
+    assert is_stuck(after(standing, learnt=known), progress_s=5.0)
+
+
+def test_a_scale_that_is_hardly_known_better_is_no_progress():
+    known = [(0.6 * 0.999**k, 0) for k in range(150)]
+    assert is_stuck(after([20.0] * 150, learnt=known), progress_s=5.0)
 
 
 def test_near_the_goal_no_progress_is_asked_for():
