@@ -21,7 +21,7 @@ from dfvs_models.bundle import Bundle
 
 _TENSORS: TensorNames = (("first", "second", "focal"), ("translation", "rotation"))
 _AFTER = {
-    "saxena": "Saxena et al. (ICRA 2017): FlowNet's encoder on both images stacked",
+    "saxena": "Saxena et al. (ICRA 2017): convolutions on both images stacked",
     "bateux": "Bateux et al. (ICRA 2018): a Siamese encoder of ImageNet, trained on planes",
 }
 _ABOUT = """\
@@ -30,17 +30,13 @@ after {after}.
 
 - Input: two grey images of {m.input.width} x {m.input.height} px, and their focal \
 length over the width.
-- Output: translation ({m.pose.unit}) and rotation ({rotation}). Precision: {m.precision}.
+- Output: translation in depths and rotation vector. Precision: {m.precision}.
 - {parameters:.2f} million parameters. Origin: {m.origin}.
 - Licence: {m.licence}."""
 _ACCURACY = "Not measured for this bundle: see `dfvs-bench scenes --setting` and `table1`."
 _LIMITS = """\
 - Views that share little, and motion beyond that of its training.
-- The unit of its translation: {scale}."""
-_SCALES = {
-    "m": "lengths are guessed from what rooms of the training look like",
-    "depth": "lengths come in depths at the goal's middle, as if all were one plane",
-}
+- The unit of its translation: lengths come in depths of the goal view, as if all were one plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +65,14 @@ class PoseModel:
         example = (images[:1], images[1:], torch.full((1, 1), FOCAL))
         onnx = trace(self.module, example, _TENSORS)
         grey = ImageInput(width, height, 16, channels="grey", mean=(0.5,), std=(0.5,))
-        output = PoseOutput(self.module.unit, self.module.rotation)
+        output = PoseOutput("depth", "vector")
         weights = self.weights
         origin = f"{weights.origin}, trained by this project, weights {weights.digest}"
         source = Source(weights.name, origin, "Apache-2.0")
         return make_bundle("pose", {"pose": (onnx, _TENSORS)}, grey, source, pose=output)
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
-        """How far the pose of ONNX Runtime is from torch's: m or depths, rad or of a quaternion."""
+        """How far the pose of ONNX Runtime is from torch's: depths and rad."""
         first, second = (runner.encode(image) for image in pair)
         tensors = [torch.from_numpy(t) for t in (first[0], second[0], first[1])]
         with torch.no_grad():
@@ -87,13 +83,9 @@ class PoseModel:
 
     def card(self, manifest: Manifest) -> str:
         """Text of the model card."""
-        output = manifest.pose
-        assert output is not None
         about = _ABOUT.format(
             m=manifest,
             after=_AFTER[manifest.name],
-            rotation="rotation vector" if output.rotation == "vector" else "quaternion",
             parameters=sum(value.numel() for value in self.weights.state.values()) / 1e6,
         )
-        limits = _LIMITS.format(scale=_SCALES[output.unit])
-        return model_card(manifest.name, about, _ACCURACY, self.weights.training, limits)
+        return model_card(manifest.name, about, _ACCURACY, self.weights.training, _LIMITS)

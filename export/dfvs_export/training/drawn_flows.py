@@ -1,4 +1,4 @@
-"""Flows of drawn motions before a plane, with drawn errors: what a pose is regressed from."""
+"""Flows with drawn errors, also of drawn motions before a plane: what a pose is regressed from."""
 
 import numpy as np
 import torch
@@ -7,8 +7,7 @@ from torch.nn import functional
 
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import so3_log
-from dfvs_export.networks.pose_regression import SIZE
-from dfvs_export.networks.siamese_pose import STRIDE, Flow
+from dfvs_export.networks.pose_regression import SIZE, STRIDE, Flow
 from dfvs_export.training.planar_pairs import PlanarMotion
 
 _SPREAD_PX = (0.1, 3.0)
@@ -29,7 +28,14 @@ def drawn_flows(count: int, rng: np.random.Generator) -> tuple[Flow, Tensor, tup
     motions = [PlanarMotion.drawn(rng) for _ in range(count)]
     true = _tensor([_flow(motion).transpose(2, 0, 1) for motion in motions])
     poses = [motion.in_depths() for motion in motions]
-    size = true.shape[2:]
+    focal = _tensor([np.array([motion.focal]) for motion in motions])
+    translation, rotation = ([T[:3, 3] for T in poses], [so3_log(T[:3, :3]) for T in poses])
+    return with_errors(true, rng), focal, (_tensor(translation), _tensor(rotation))
+
+
+def with_errors(true: Tensor, rng: np.random.Generator) -> Flow:
+    """Flows (count, 2, 18, 24) with drawn errors; where they are not a number all is wrong."""
+    count, size = len(true), true.shape[2:]
 
     def smooth() -> Tensor:
         coarse = torch.from_numpy(rng.normal(size=(count, 1, 5, 6)).astype(np.float32))
@@ -39,21 +45,20 @@ def drawn_flows(count: int, rng: np.random.Generator) -> tuple[Flow, Tensor, tup
         low, high = np.log(span_px)
         return _tensor(list(rng.uniform(low, high, (count, 1, 1, 1))))
 
+    unknown = true.isnan().any(1, keepdim=True)
+    true = true.nan_to_num()
     mean = true.abs().mean((1, 2, 3), keepdim=True).clamp(max=_FAST) / _FAST
     spread = level(_SPREAD_PX) + _UNEVEN * smooth() + mean.clamp(min=_STILL[1]).log()
     blobs = smooth()
-    right = [1.0 - rng.uniform(0.0, _WRONG) for _ in motions]
+    right = [1.0 - rng.uniform(0.0, _WRONG) for _ in range(count)]
     bounds = [blob.quantile(share) for blob, share in zip(blobs, right, strict=True)]
     wrong = level(_WRONG_PX) + mean.clamp(min=_STILL[0]).log()
-    is_wrong = blobs > torch.stack(bounds).reshape(-1, 1, 1, 1)
+    is_wrong = (blobs > torch.stack(bounds).reshape(-1, 1, 1, 1)) | unknown
     spread = torch.where(is_wrong, torch.maximum(spread, wrong), spread) - float(np.log(SIZE[0]))
     apart = torch.from_numpy(rng.normal(size=true.shape).astype(np.float32))
     noise = _TOGETHER * torch.cat([smooth(), smooth()], 1) + _APART * apart
     judged = torch.from_numpy(rng.normal(size=spread.shape).astype(np.float32))
-    flow = Flow(true + spread.exp() * noise, spread + _MISJUDGED * judged)
-    focal = _tensor([np.array([motion.focal]) for motion in motions])
-    translation, rotation = ([T[:3, 3] for T in poses], [so3_log(T[:3, :3]) for T in poses])
-    return flow, focal, (_tensor(translation), _tensor(rotation))
+    return Flow(true + spread.exp() * noise, spread + _MISJUDGED * judged)
 
 
 def _flow(motion: PlanarMotion) -> FloatArray:

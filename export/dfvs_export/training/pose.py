@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_core.geometry.poses import quaternion_from_rotation, so3_log
+from dfvs_core.geometry.poses import so3_log
 from dfvs_export.networks.pose_regression import PoseNet
 from dfvs_export.networks.siamese_pose import SiameseNet
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
@@ -61,7 +61,7 @@ def train_pose(settings: PoseTrainSettings) -> None:
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     training = _TRAININGS[settings.network]
     reader = training.reader(settings.pairs, settings.seed)
-    batches = drawn_ahead(lambda: _batch(reader, network))
+    batches = drawn_ahead(lambda: _batch(reader))
     rng = np.random.default_rng([settings.seed, 1])
     errors = list[PoseErrors]()
 
@@ -73,7 +73,7 @@ def train_pose(settings: PoseTrainSettings) -> None:
     def report(steps: int) -> None:
         t, r, flow = np.mean(np.array(errors), axis=0)
         print(
-            f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
+            f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} depths,"
             f" {np.degrees(r):.2f} deg, flow {flow:.4f} widths",
             flush=True,
         )
@@ -101,16 +101,15 @@ def _begin_training(network: PoseNet) -> dict[torch.nn.Module, float]:
     return {network.encoder: ENCODER_RATE, network: 1.0}
 
 
-def _batch(reader: RoomPoseReader | PlanarPoseReader, network: PoseNet) -> PoseBatch:
+def _batch(reader: RoomPoseReader | PlanarPoseReader) -> PoseBatch:
     pairs = [reader.draw() for _ in range(_PAIRS_PER_STEP)]
-    rotation_of = quaternion_from_rotation if network.rotation == "quaternion" else so3_log
     poses = [pair.T_first_second for pair in pairs]
     return PoseBatch(
         _images([pair.first for pair in pairs]),
         _images([pair.second for pair in pairs]),
         _tensor([np.array([pair.focal]) for pair in pairs]),
         _tensor([T[:3, 3] for T in poses]),
-        _tensor([rotation_of(T[:3, :3]) for T in poses]),
+        _tensor([so3_log(T[:3, :3]) for T in poses]),
         torch.from_numpy(np.stack([pair.flow for pair in pairs])).permute(0, 3, 1, 2),
     )
 

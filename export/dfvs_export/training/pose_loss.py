@@ -7,17 +7,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.pose_regression import PosePrediction, StackedNet
-from dfvs_export.networks.siamese_pose import RADIUS, UPDATES, Flow, SiameseNet
-from dfvs_export.training.drawn_flows import drawn_flows
-from dfvs_export.training.pose_pairs import STRIDE
+from dfvs_export.networks.pose_regression import Flow, PosePrediction
+from dfvs_export.networks.siamese_pose import RADIUS, UPDATES, SiameseNet
+from dfvs_export.networks.stacked_pose import StackedNet
+from dfvs_export.training.drawn_flows import drawn_flows, with_errors
 
-_QUATERNION_WEIGHT, _STACKED_FLOW_WEIGHT = 4.0, 2.0
-"""Of errors of rotation and flow beside that of the translation."""
-_FLOW_BETA = 0.02
 _MATCH_WEIGHT, _LOCAL_WEIGHT = 0.2, 0.15
 _FLOW_WEIGHTS = (0.1, 0.15, 0.3)
-"""Of the flow at first, and after each refinement."""
+"""Of flow from coarse to fine: at first and after each refinement, or at each level."""
 _LEAST_MOTION = 0.03
 """Errors of pose count in shares of the motion, depths and rad together, and this."""
 _DRAWN_FLOWS = 64
@@ -26,7 +23,7 @@ _SPREAD = (-8.0, 0.5)
 
 
 class PoseBatch(NamedTuple):
-    """Tensors of some pairs; ``rotation`` is a quaternion or a vector, as the network gives.
+    """Tensors of some pairs; ``translation`` is in depths, ``rotation`` a vector in rad.
 
     ``flow`` (B, 2, 36, 48) is in widths, not a number where it is unknown.
     """
@@ -40,7 +37,7 @@ class PoseBatch(NamedTuple):
 
 
 class PoseErrors(NamedTuple):
-    """Mean errors of translation, in the network's unit, of rotation, of flow in widths."""
+    """Mean errors of translation in depths, of rotation, of flow in widths."""
 
     translation: float
     rotation_rad: float
@@ -48,22 +45,23 @@ class PoseErrors(NamedTuple):
 
 
 def stacked_loss(
-    network: StackedNet, batch: PoseBatch, _rng: np.random.Generator
+    network: StackedNet, batch: PoseBatch, rng: np.random.Generator
 ) -> tuple[Tensor, PoseErrors]:
-    """Distances of translation and of quaternion (those of Saxena et al.), and of flow."""
+    """Errors of pose in shares of the motion, and of flow by its likelihood at every level.
+
+    The pose is also learnt from the true flows with drawn errors.
+    """
     with torch.autocast("cpu", torch.bfloat16):
-        features, flow = network.encode(batch.first, batch.second)
-    found = network.regress(features.float(), flow.float(), batch.focal)
-    quaternion = functional.normalize(found.rotation, dim=1)
-    t_error = torch.linalg.vector_norm(found.translation - batch.translation, dim=1).mean()
-    r_error = torch.linalg.vector_norm(quaternion - batch.rotation, dim=1).mean()
-    true = functional.avg_pool2d(batch.flow, network.STRIDE // STRIDE)
-    apart = functional.smooth_l1_loss(
-        flow.float(), true.nan_to_num(), reduction="none", beta=_FLOW_BETA
-    )
-    flow_error = _mean_where(~true.isnan(), apart)
-    total = t_error + _QUATERNION_WEIGHT * r_error + _STACKED_FLOW_WEIGHT * flow_error
-    return total, PoseErrors(t_error.item(), 2.0 * r_error.item(), flow_error.item())
+        levels = network.flows(batch.first, batch.second)
+    total = torch.zeros(())
+    for found, weight in zip(levels, _FLOW_WEIGHTS, strict=True):
+        true = functional.avg_pool2d(batch.flow, batch.flow.shape[3] // found.flow.shape[3])
+        total = total + weight * _flow_loss(found, true)
+    pose = network.regress(levels[-1].halved(), batch.focal)
+    pose_loss, t_error, r_error = _pose_loss(pose, batch.translation, batch.rotation)
+    drawn = network.regress(with_errors(functional.avg_pool2d(batch.flow, 2), rng), batch.focal)
+    total = total + pose_loss + _pose_loss(drawn, batch.translation, batch.rotation)[0]
+    return total, PoseErrors(t_error, r_error, _flow_error(levels[-1], batch.flow))
 
 
 def siamese_loss(
@@ -91,9 +89,7 @@ def siamese_loss(
     pose_loss, t_error, r_error = _pose_loss(pose, batch.translation, batch.rotation)
     drawn, focal, truth = drawn_flows(_DRAWN_FLOWS, rng)
     total = total + pose_loss + _pose_loss(network.regress(drawn, focal), *truth)[0]
-    known = ~batch.flow.isnan()
-    flow_error = _mean_where(known, (found.flow - batch.flow.nan_to_num()).abs())
-    return total, PoseErrors(t_error, r_error, flow_error.item())
+    return total, PoseErrors(t_error, r_error, _flow_error(found, batch.flow))
 
 
 def _pose_loss(
@@ -105,6 +101,10 @@ def _pose_loss(
     r_error = torch.linalg.vector_norm(found.rotation - rotation, dim=1)
     loss = ((t_error + r_error) / (_LEAST_MOTION + t + r)).mean()
     return loss, t_error.mean().item(), r_error.mean().item()
+
+
+def _flow_error(found: Flow, true: Tensor) -> float:
+    return _mean_where(~true.isnan(), (found.flow - true.nan_to_num()).abs()).item()
 
 
 def _flow_loss(found: Flow, true: Tensor) -> Tensor:

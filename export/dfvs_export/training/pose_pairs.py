@@ -13,13 +13,9 @@ from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE
 from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
 
-_NEAR = 0.5
-"""Share of pairs whose one view is made from the other one by its depth."""
-_NEAR_RANGE = (0.01, 0.35)
-"""Length of their translation over the median depth."""
-_NEAR_ROTATION_RAD = math.radians(15.0)
-_STILL = 0.1
-"""Share of those without translation."""
+_RANGE = (0.006, 0.3)
+"""Length of a translation over the median depth; small ones are more frequent."""
+_ROTATION_RAD = math.radians(12.0)
 _TURNED, _TURN_RAD = 0.5, math.radians(8.0)
 """Share of views of rooms that are turned, and by how much at most about each axis."""
 _FILLED_PX = 5
@@ -36,9 +32,9 @@ class PosePair(NamedTuple):
     """Two views and the motion between them.
 
     ``first`` and ``second`` (144, 192) are grey, -1 to 1; ``focal`` is their focal length over the
-    width. ``T_first_second`` (4, 4) is in m or in depths at the second view's middle; ``flow``
-    (36, 48, 2) leads from the first view to the second, in widths, not a number where it is unknown
-    or leads out of it.
+    width. ``T_first_second`` (4, 4) is in depths of the second view; ``flow`` (36, 48, 2) leads
+    from the first view to the second, in widths, not a number where it is unknown or leads out of
+    it.
     """
 
     first: Float32Array
@@ -58,36 +54,34 @@ class _Seen(NamedTuple):
 
 
 class RoomPoseReader(RoomReader):
-    """Draws pairs of views of rooms, in m: wide-baseline pairs, and near ones made by depth.
+    """Draws pairs of near views of rooms, as along a trajectory; one is made from the other one.
 
-    Both views of a pair are cut to the same symmetrical area, so that borders do not give the
-    motion away.
+    The depth in ``T_first_second`` is the second view's median. Both views of a pair are cut to the
+    same symmetrical area, so that borders do not give the motion away.
     """
 
     def draw(self) -> PosePair:
         """Draw the next pair."""
         rng = self._rng
-        room, k = self._draw_pair()
-        if rng.uniform() < _NEAR:
-            seen, _ = self._seen(room, k, "ab"[rng.integers(2)])
-            T = self._near_motion(seen)
-            pair = seen, _moved(seen, T)
-        else:
-            (first, T_a), (second, T_b) = (self._seen(room, k, side) for side in "ab")
-            pair, T = (first, second), invert_pose(T_a) @ room["T"][k] @ T_b
+        seen = self._seen()
+        T = self._motion(seen)
+        pair = seen, _moved(seen, T)
         if rng.uniform() < 0.5:
             pair, T = pair[::-1], invert_pose(T)
         area = _common_area(pair[0].inside & pair[1].inside, rng)
-        images = [_augmented_within(seen.grey, area, rng) for seen in pair]
+        first, second = (_augmented_within(view.grey, area, rng) for view in pair)
         camera = pair[0].camera
         flow = _flow(camera, pair[0].depth_m, T)
-        return PosePair(images[0], images[1], camera.fx / camera.width, T, flow)
+        in_depths = make_pose(T[:3, :3], T[:3, 3] / _median_depth_m(pair[1]))
+        return PosePair(first, second, camera.fx / camera.width, in_depths, flow)
 
-    def _seen(self, room: dict[str, ImageArray], k: int, side: str) -> tuple[_Seen, FloatArray]:
-        """A view of a pair, perhaps turned, and its attitude (4, 4) in the rendered camera."""
+    def _seen(self) -> _Seen:
+        """A view of a room, perhaps turned."""
         rng = self._rng
-        image = view_of(room, k, side)
-        depth_m = room["D"][k]["ab".index(side)].astype(np.float64)
+        room, k = self._draw_pair()
+        side = int(rng.integers(2))
+        image = view_of(room, k, "ab"[side])
+        depth_m = room["D"][k][side].astype(np.float64)
         fx, fy, cx, cy = (float(v) for v in room["K"][k] * SIZE[0] / image.shape[1])
         camera = CameraModel(*SIZE, fx, fy, cx, cy)
         small = cast(ImageArray, cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA))
@@ -95,18 +89,20 @@ class RoomPoseReader(RoomReader):
         directions = rays(camera) @ R.T
         pixels = camera.project(directions)
         known, inside = _looked_up(depth_m, pixels, camera)
-        seen = _Seen(camera, _sampled(small, pixels), known / directions[..., 2], inside)
-        return seen, make_pose(R, np.zeros(3))
+        return _Seen(camera, _sampled(small, pixels), known / directions[..., 2], inside)
 
-    def _near_motion(self, seen: _Seen) -> FloatArray:
-        """Motion (4, 4) that is small against the depth of a view."""
+    def _motion(self, seen: _Seen) -> FloatArray:
+        """Motion (4, 4) in m that is small against the depth of a view."""
         rng = self._rng
-        known = seen.depth_m[seen.depth_m > 0]
-        depth_m = float(np.median(known)) if len(known) else 1.0
-        length = depth_m * math.exp(rng.uniform(*np.log(_NEAR_RANGE))) * (rng.uniform() > _STILL)
+        length_m = _median_depth_m(seen) * math.exp(rng.uniform(*np.log(_RANGE)))
         way = rng.normal(size=3)
-        turn = rng.uniform() * rng.uniform(-_NEAR_ROTATION_RAD, _NEAR_ROTATION_RAD, 3)
-        return make_pose(so3_exp(turn), length * way / max(float(np.linalg.norm(way)), 1e-9))
+        turn = rng.uniform() * rng.uniform(-_ROTATION_RAD, _ROTATION_RAD, 3)
+        return make_pose(so3_exp(turn), length_m * way / float(np.linalg.norm(way)))
+
+
+def _median_depth_m(seen: _Seen) -> float:
+    known = seen.depth_m[seen.depth_m > 0]
+    return float(np.median(known)) if len(known) else 1.0
 
 
 @functools.lru_cache(maxsize=8)

@@ -7,8 +7,9 @@ from pathlib import Path
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_export.networks.pose_regression import PoseNet, StackedNet
+from dfvs_export.networks.pose_regression import PoseNet
 from dfvs_export.networks.siamese_pose import SiameseNet
+from dfvs_export.networks.stacked_pose import StackedNet
 from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint
 from dfvs_export.weights.depth import ENCODER_ORIGIN, ENCODER_TRAINING, fill_encoder
 

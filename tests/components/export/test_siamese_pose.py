@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from dfvs_export.networks.siamese_pose import STRIDE, Flow, SiameseNet
+from dfvs_export.networks.pose_regression import STRIDE, Flow
+from dfvs_export.networks.siamese_pose import SiameseNet
 from dfvs_export.training.drawn_flows import drawn_flows
 from dfvs_export.training.pose_loss import _flow_loss, _local_loss, _match_loss
 
