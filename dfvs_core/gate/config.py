@@ -69,7 +69,8 @@ class GateTiming:
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
     link_silent_ns: int = 200 * MS
-    """Without attitude and position for longer, a change of mode may not have been received."""
+    """Without attitude and position for longer, a change of mode may not have been received; nor is
+    it known from a message that comes sooner than this after the silence."""
     command_valid_ns: int = setting(
         5 * S, "age at which a command to engage expires, ns", formerly="order_valid_ns"
     )

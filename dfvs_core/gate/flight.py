@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.checks.initial_response import Response
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.config import GateConfig, S
+from dfvs_core.gate.config import GateConfig, OnDone, S
 from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
@@ -57,7 +57,8 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
         return _decide_servo(engagement, moment)
     if moment.state is GateState.HOLD:
         return _decide_hold(engagement, moment)
-    if engagement.hold_requested and moment.in_state_ns > moment.config.timing.confirm_ns:
+    hands_over = moment.config.on_done is OnDone.HOLD
+    if hands_over and moment.in_state_ns > moment.config.timing.confirm_ns:
         return Decision(GateState.ABORT, _not_confirmed(Cause.HOLD_NOT_CONFIRMED, moment))
     return _decide_motion(engagement, moment) if holds_visually(engagement) else None
 

@@ -19,7 +19,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from dfvs_core.gate.checks.preflight import failures
-from dfvs_core.gate.config import MS, Engage
+from dfvs_core.gate.config import MS, Engage, OnDone
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
     Action,
@@ -255,26 +255,30 @@ class GateMachine(TransitionState):
         )
         if decision is not None:
             self._go(decision.target, decision.cause)
-        elif self.state is GateState.ENGAGE and not self._engagement.is_confirmed:
-            zeros_streamed = elapsed_ns >= self.config.timing.engage_zero_ns
-            if zeros_streamed and self._engagement.requested_ns is None:
-                self._engagement.requested_ns = self._now
+        if self.vehicle.is_mode_known(self._now):
+            self._request_mode()
+
+    def _request_mode(self) -> None:
+        """OFFBOARD, once, after zeros have streamed; Hold, once, where the goal is reached."""
+        engagement = self._engagement
+        is_to_hold = self.state is GateState.DONE and self.config.on_done is OnDone.HOLD
+        if self.state is GateState.ENGAGE and not engagement.is_confirmed:
+            zeros_streamed = self._elapsed(self._since) >= self.config.timing.engage_zero_ns
+            if zeros_streamed and engagement.requested_ns is None:
+                engagement.requested_ns = self._now
                 self._request = ModeRequest.OFFBOARD
+        elif is_to_hold and not engagement.hold_requested:
+            engagement.hold_requested = True
+            self._request = ModeRequest.HOLD
 
     def _evaluate_abort(self) -> None:
         """Zeros until a heartbeat shows the mode; Hold, once, where that surely is OFFBOARD."""
         if self._elapsed(self._since) > self.config.timing.mode_known_ns:
             self.stream.silence()
+        vehicle = self.vehicle
         is_offboard_known = (
-            self.vehicle.is_offboard and self.vehicle.is_armed and self._is_mode_known()
+            vehicle.is_offboard and vehicle.is_armed and vehicle.is_mode_known(self._now)
         )
         if is_offboard_known and not self.stream.is_silent and not self._is_hold_requested:
             self._is_hold_requested = True
             self._request = ModeRequest.HOLD
-
-    def _is_mode_known(self) -> bool:
-        """Whether a change of mode would have been received by now."""
-        vehicle, timing = self.vehicle, self.config.timing
-        received_ns = max(vehicle.attitude.t_ns, vehicle.position.t_ns)
-        is_linked = self._elapsed(received_ns) <= timing.link_silent_ns
-        return is_linked and self._elapsed(vehicle.heartbeat.t_ns) <= timing.mode_known_ns

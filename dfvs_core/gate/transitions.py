@@ -33,7 +33,7 @@ class TransitionState:
         """Why the machine is in this state; in PREFLIGHT, what is missing."""
         self.has_reached = False
         """The goal was reached in the last engagement; not any more once there is another."""
-        self.vehicle = VehicleMonitor()
+        self.vehicle = VehicleMonitor(config.timing)
         self.perception = PerceptionMonitor(config.timing)
         self.stream = SetpointStream(config)
         self._engagement = begin(self.vehicle, t_ns)
@@ -123,12 +123,8 @@ class TransitionState:
 
     def _enter_done(self) -> None:
         self.has_reached = True
-        if self.config.on_done is OnDone.HOLD_VISUAL:
-            if self._engagement.reached_ns is None:
-                self._engagement.reached_ns = self._now
-        elif self.config.on_done is OnDone.HOLD:
-            self._engagement.hold_requested = True
-            self._request = ModeRequest.HOLD
+        if self.config.on_done is OnDone.HOLD_VISUAL and self._engagement.reached_ns is None:
+            self._engagement.reached_ns = self._now
 
     def _check_response(self) -> None:
         """Begin the initial-response check, or go on with the one that a HOLD interrupted."""

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 
-from dfvs_core.gate.config import GateConfig, S
+from dfvs_core.gate.config import GateConfig, GateTiming, S
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
@@ -44,6 +44,7 @@ class VehicleMonitor:
     ``heartbeat`` has the mode of CURRENT_MODE where that is newer; its age is its own.
     """
 
+    timing: GateTiming = field(default_factory=GateTiming)
     heartbeat: Heartbeat = field(
         default_factory=lambda: Heartbeat(NEVER, VehicleMode.OTHER, armed=False)
     )
@@ -65,16 +66,22 @@ class VehicleMonitor:
     """Time of the first message on end that says that something is not healthy."""
     jump_m: float = 0.0
     """Largest step of the position estimate that its velocity does not explain."""
+    mode_ns: int = NEVER
+    """Time of the last message that reports the mode: HEARTBEAT or CURRENT_MODE."""
+    link_returned_ns: int = NEVER
+    """Time of the last attitude or position that ended a silence of the link."""
 
     def update(self, event: VehicleEvent) -> None:
         """Remember an event."""
         match event:
             case Heartbeat():
-                self.heartbeat = event
+                self.heartbeat, self.mode_ns = event, event.t_ns
                 self.other_commanders.on_heartbeat(event, is_offboard=self.is_offboard)
             case CurrentMode():
                 self.heartbeat = replace(self.heartbeat, mode=event.mode)
+                self.mode_ns = event.t_ns
             case Attitude():
+                self._on_telemetry(event.t_ns)
                 self.attitude = event
             case LocalPosition():
                 self._on_position(event)
@@ -98,7 +105,12 @@ class VehicleMonitor:
         elif self.unhealthy_since_ns == NEVER:
             self.unhealthy_since_ns = new.t_ns
 
+    def _on_telemetry(self, t_ns: int) -> None:
+        if t_ns - self._telemetry_ns > self.timing.link_silent_ns:
+            self.link_returned_ns = t_ns
+
     def _on_position(self, new: LocalPosition) -> None:
+        self._on_telemetry(new.t_ns)
         old = self.position
         self.position = new
         if old.t_ns == NEVER:
@@ -107,6 +119,24 @@ class VehicleMonitor:
         speed = max(math.hypot(*old.velocity_m_s), math.hypot(*new.velocity_m_s))
         jump = math.dist(old.position_m, new.position_m) - speed * dt_s
         self.jump_m = max(self.jump_m, jump) if math.isfinite(jump) else math.inf
+
+    @property
+    def _telemetry_ns(self) -> int:
+        """Time of the last attitude or position, whichever came later."""
+        return max(self.attitude.t_ns, self.position.t_ns)
+
+    def is_mode_known(self, now_ns: int) -> bool:
+        """Whether a change of mode would have been received by now.
+
+        A change that fell into a silence of the link is known only by a later message of the mode.
+        What a companion that stood still finds in its socket is older than the silence's end: a
+        message of the mode counts only once the link has been back for ``link_silent_ns``.
+        """
+        silent_ns = self.timing.link_silent_ns
+        is_linked = now_ns - self._telemetry_ns <= silent_ns
+        is_after_silence = self.mode_ns - self.link_returned_ns > silent_ns
+        is_recent = now_ns - self.heartbeat.t_ns <= self.timing.mode_known_ns
+        return is_linked and is_after_silence and is_recent
 
     @property
     def vehicle_motion(self) -> VehicleMotion:

@@ -20,6 +20,7 @@ from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.gate.episode import Episode
@@ -161,7 +162,8 @@ BROKEN = [
     ("I4", perception_monitor, "is_late", lambda old: forever(False)),
     ("I4", PerceptionMonitor, "mounting_fault", lambda old: forever(None)),
     ("I5", Engagement, "on_heartbeat", lambda old: forever(None)),
-    ("I5", GateMachine, "_is_mode_known", lambda old: forever(True)),
+    ("I5", VehicleMonitor, "is_mode_known", lambda old: forever(True)),
+    ("I5", VehicleMonitor, "_on_telemetry", lambda old: forever(None)),
     ("I5", GateMachine, "_evaluate", leaves_an_end_by_itself),
     ("I6", transitions, "sole_commander", lambda old: forever(Check("sole commander", True))),
     ("I7", GateMachine, "step", looks_at_the_hour),

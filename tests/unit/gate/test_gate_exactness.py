@@ -171,6 +171,9 @@ def test_a_link_that_returns_in_time_is_asked_for_hold_once():
     lose_the_link(gate)
     gate.until(GateState.ABORT, 0.6)
     gate.vehicle.sends_attitude = True
+    gate.run(0.3)
+    assert not gate.requests
+    gate.vehicle.sends_heartbeat = True
     gate.run(1.0)
     assert [r for _, r in gate.requests] == [ModeRequest.HOLD]
 

@@ -65,6 +65,9 @@ class Oracle:
         self._newest_capture_ns = -1
         self._engaged_ns = _LONG_AGO
         self._heartbeat_ns = self._attitude_ns = self._position_ns = _LONG_AGO
+        self._may_have_missed_mode = True
+        """No word of the mode came since the link was silent."""
+        self._resumed_ns = _LONG_AGO
         self._position_m: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._velocity_m_s: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._attitude_finite = self._position_finite = True
@@ -113,11 +116,14 @@ class Oracle:
         match event:
             case Heartbeat():
                 self._heartbeat_ns = t_ns
+                self._on_word_of_mode(t_ns)
                 self.mode, self.armed = event.mode, event.armed
                 self._failsafe = event.failsafe
             case CurrentMode() if self._heartbeat_ns != _LONG_AGO:
                 self.mode = event.mode
+                self._on_word_of_mode(t_ns)
             case Attitude():
+                self._on_word_of_motion(t_ns)
                 self._attitude_ns = t_ns
                 self._attitude_finite = _finite(event.roll_rad, event.pitch_rad, event.yaw_rad)
             case LandedState():
@@ -136,7 +142,19 @@ class Oracle:
             case ForeignSetpoint() if t_ns >= self._engaged_ns:
                 self.faults.append("somebody else sent a setpoint")
 
+    def _on_word_of_motion(self, t_ns: int) -> None:
+        """Find out whether the link was silent until now: a word of the mode may be lost."""
+        if self.silent_for_ns(t_ns) > self._config.timing.link_silent_ns:
+            self._may_have_missed_mode = True
+            self._resumed_ns = t_ns
+
+    def _on_word_of_mode(self, t_ns: int) -> None:
+        """Count on the mode again, unless the word may be older than what was missed."""
+        is_new = t_ns > self._resumed_ns + self._config.timing.link_silent_ns
+        self._may_have_missed_mode = not is_new
+
     def _on_position(self, event: LocalPosition, t_ns: int) -> None:
+        self._on_word_of_motion(t_ns)
         if self._position_ns != _LONG_AGO:
             dt_s = max(t_ns - self._position_ns, 0) / S
             speed = max(math.hypot(*self._velocity_m_s), math.hypot(*event.velocity_m_s))
@@ -183,9 +201,16 @@ class Oracle:
         """Tell whether the vehicle is armed and not known to stand on the ground."""
         return self.armed and not self._on_ground
 
-    def mode_age_ns(self, now_ns: int) -> int:
-        """Time since the last heartbeat."""
-        return now_ns - self._heartbeat_ns
+    def doubt_of_mode(self, now_ns: int) -> str | None:
+        """Say why the pilot may have changed the mode unheard, None where that is unlikely."""
+        timing = self._config.timing
+        if now_ns - self._heartbeat_ns > timing.mode_known_ns:
+            return "the last heartbeat is old"
+        if self.silent_for_ns(now_ns) > timing.link_silent_ns:
+            return "the link is silent"
+        if self._may_have_missed_mode:
+            return "the link was silent since the last word of the mode"
+        return None
 
     def silent_for_ns(self, now_ns: int) -> int:
         """Time since the last attitude or position, whichever came later."""
