@@ -54,6 +54,13 @@ _NO_ENGAGE_IN = {
 }
 """Why a command to engage does nothing."""
 
+_NO_HOLD_IN = {
+    **dict.fromkeys((GateState.IDLE, *_WAITING), "nothing is flown yet, command abort to end this"),
+    GateState.ABORT: "the flight is ended already",
+    GateState.RELEASED: "the vehicle is not flown any more",
+}
+"""Why a command to hold does nothing."""
+
 
 class GateMachine(TransitionState):
     """Decides, at every step, whether and how fast the vehicle may move.
@@ -137,17 +144,24 @@ class GateMachine(TransitionState):
             self._engagement.response.update(event.report)
 
     def _on_command(self, command: OperatorCommand) -> None:
-        engagement, action = self._engagement, command.action
+        action = command.action
         if action is Action.GOAL:
             self._on_goal(command.argument)
         elif action is Action.ABORT:
             self._abort((Cause.OPERATOR_ABORT, ""))
         elif action is Action.HOLD:
-            self._commanded_ns = None
-            engagement.is_held = self.state in FLYING or self._holds_visually
-            self._hold_servo((Cause.OPERATOR_HOLD, ""))
+            self._on_hold()
         else:
             self._on_engage()
+
+    def _on_hold(self) -> None:
+        """Hold, or take a command to engage back."""
+        takes_back = self.config.engage is Engage.COMMAND and self._is_commanded()
+        self._commanded_ns = None
+        self._engagement.is_held = self.state in FLYING or self._holds_visually
+        self._hold_servo((Cause.OPERATOR_HOLD, ""))
+        if self.state in _NO_HOLD_IN and not (takes_back and self.state in _WAITING):
+            self._refusal = f"rejected: {_NO_HOLD_IN[self.state]}"
 
     def _on_engage(self) -> None:
         if self._is_stopped:

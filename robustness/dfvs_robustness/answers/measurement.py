@@ -15,7 +15,7 @@ import zenoh
 
 from dfvs_core.gate.commands.command import request_id
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
 from dfvs_robustness.harness.service import HarnessError, wait_until
@@ -106,7 +106,8 @@ class Commander:
         time.sleep(_AFTER_S)
         answers = self._of(request)
         delay_ms = (answers[0][1] - sent_ns) / 1e6 if answers else 1e3 * _ANSWER_S
-        problem = _problem(action, [text for text, _ in answers])
+        states = (state, harness.state)
+        problem = answer_problem(action, states, [text for text, _ in answers])
         if not problem and not self._obeyed(action, sent_ns):
             problem = f"the gate went to {harness.state} all the same"
         return Try(str(state), str(action), goal_in_view, delay_ms, problem)
@@ -126,10 +127,17 @@ class Commander:
         self._answers.append((document["request"], document["result"], t_ns))
 
 
-def _problem(action: Action, answers: list[str]) -> str:
+def answer_problem(action: Action, states: tuple[GateState, ...], answers: list[str]) -> str:
+    """What is wrong with the answers; the command arrived in one of the states.
+
+    Hold is refused where nothing is flown.
+    """
     if len(answers) != 1:
         return f"{len(answers)} answers"
-    return "" if answers[0] == f"accepted: {action}" else f"answered {answers[0]!r}"
+    refused = {action is Action.HOLD and state not in ENGAGED for state in states}
+    is_refused = answers[0].startswith("rejected: ")
+    is_true = (is_refused or answers[0] == f"accepted: {action}") and is_refused in refused
+    return "" if is_true else f"answered {answers[0]!r}"
 
 
 def measure_answers(

@@ -7,7 +7,13 @@ import pytest
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.answers.measurement import AnswerTimes, StateRate, Try, planned_actions
+from dfvs_robustness.answers.measurement import (
+    AnswerTimes,
+    StateRate,
+    Try,
+    answer_problem,
+    planned_actions,
+)
 from dfvs_robustness.answers.report import html_section, markdown_lines, read_answers
 from dfvs_robustness.faults.report import Report
 
@@ -25,6 +31,25 @@ def test_hold_and_abort_are_both_tried_in_every_state(state):
     actions = planned_actions(state, 23)
     assert len(actions) == 23
     assert set(actions) == {Action.HOLD, Action.ABORT}
+
+
+@pytest.mark.parametrize(
+    ("action", "states", "answer", "is_true"),
+    [
+        (Action.HOLD, (GateState.SERVO, GateState.HOLD), "accepted: hold", True),
+        (Action.HOLD, (GateState.READY, GateState.READY), "rejected: nothing is flown yet", True),
+        (Action.HOLD, (GateState.READY, GateState.READY), "accepted: hold", False),
+        (Action.HOLD, (GateState.SERVO, GateState.HOLD), "rejected: nothing is flown yet", False),
+        (Action.HOLD, (GateState.HOLD, GateState.ABORT), "rejected: ended already", True),
+        (Action.ABORT, (GateState.READY, GateState.ABORT), "accepted: abort", True),
+        (Action.ABORT, (GateState.READY, GateState.ABORT), "rejected: ended already", False),
+        (Action.HOLD, (GateState.SERVO, GateState.HOLD), "accepted: abort", False),
+    ],
+)
+def test_an_answer_is_judged_by_the_state_in_which_the_command_arrives(
+    action, states, answer, is_true
+):
+    assert (answer_problem(action, states, [answer]) == "") is is_true
 
 
 def test_what_is_answered_in_time_once_and_truly_passes():

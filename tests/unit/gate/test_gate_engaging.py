@@ -155,6 +155,54 @@ def test_an_order_to_hold_takes_back_the_order_to_engage():
     assert gate.state is GateState.READY
 
 
+@pytest.mark.parametrize("by", list(Engage))
+@pytest.mark.parametrize("state", [GateState.PREFLIGHT, GateState.READY])
+def test_a_command_to_hold_is_refused_where_nothing_is_flown_yet(state, by):
+    gate = Rehearsal(pilot_config(engage=by))
+    gate.vehicle.mode = VehicleMode.TAKEOFF
+    output = gate.until(state).command(Action.HOLD)
+    assert output.refusal == "rejected: nothing is flown yet, command abort to end this"
+    assert gate.state is state
+
+
+def test_a_command_to_hold_is_refused_before_a_vehicle_is_received():
+    gate = Rehearsal()
+    gate.vehicle.sends_heartbeat = False
+    output = gate.command(Action.HOLD)
+    assert output.refusal == "rejected: nothing is flown yet, command abort to end this"
+    assert gate.state is GateState.IDLE
+
+
+@pytest.mark.parametrize("wait_s", [0.1, 5.1])
+def test_a_command_to_hold_takes_back_a_command_to_engage_that_still_counts(wait_s):
+    gate = Rehearsal(COMMAND)
+    gate.vehicle.mode = VehicleMode.TAKEOFF
+    gate.until(GateState.READY)
+    gate.command(Action.ENGAGE)
+    gate.run(wait_s)
+    is_refused = bool(gate.command(Action.HOLD).refusal)
+    assert is_refused is (wait_s > 5.0)
+    assert gate.command(Action.HOLD).refusal
+
+
+def test_a_command_to_hold_is_refused_after_the_flight():
+    gate = Rehearsal(COMMAND)
+    gate.until(GateState.READY).command(Action.ENGAGE)
+    gate.until(GateState.SERVO)
+    assert gate.command(Action.HOLD).refusal == ""
+    gate.command(Action.ABORT)
+    assert gate.command(Action.HOLD).refusal == "rejected: the flight is ended already"
+    gate.run(3.0)
+    assert gate.command(Action.HOLD).refusal == "rejected: the flight is ended already"
+
+
+def test_a_command_to_hold_is_refused_after_a_takeover():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.beat(mode=VehicleMode.POSITION)
+    assert gate.command(Action.HOLD).refusal == "rejected: the vehicle is not flown any more"
+    assert gate.state is GateState.RELEASED
+
+
 @pytest.mark.parametrize("mode", [VehicleMode.TAKEOFF, VehicleMode.LAND, VehicleMode.MANUAL])
 def test_an_order_does_not_take_the_vehicle_out_of_just_any_mode(mode):
     gate = Rehearsal(COMMAND)
