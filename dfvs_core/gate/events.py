@@ -117,7 +117,7 @@ class EstimatorState:
 
 @dataclass(frozen=True, slots=True)
 class ParametersRead:
-    """The autopilot's failsafe parameters were read, or could not be.
+    """The autopilot's failsafe parameters and speed limits were read, or could not be.
 
     ``refusals`` name what is dangerous or not known, ``advice`` what would better be changed, and
     ``found`` the values.

@@ -75,7 +75,8 @@ _ARMING = (
     "does not report the check: arm it, the check counts on a disarmed vehicle alone"
 )
 _BATTERY = "charge or change the battery, or give the autopilot a power module"
-_PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+_ADVISED = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+_PARAMETERS = f"{_ADVISED}, speed limits no lower than those of the settings"
 _WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 _GOAL = "move to where the goal is in view, or take another goal image"
@@ -146,7 +147,7 @@ def _battery(vehicle: VehicleMonitor, config: GateConfig) -> Check:
 
 
 def _parameters(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
-    """Refuse a failsafe that is not known, or that would not bring the vehicle to a stop."""
+    """Refuse parameters that are not known, stop no vehicle, or fly slower than is asked."""
     read = vehicle.parameters
     if now_ns - read.t_ns > config.timing.parameters_age_ns:
         when = "yet" if read.t_ns == NEVER else f"for {(now_ns - read.t_ns) / S:.0f} s"
@@ -164,7 +165,7 @@ def _hold(vehicle: VehicleMonitor) -> Check:
 
 def _advice(vehicle: VehicleMonitor) -> Check:
     detail = "; ".join(vehicle.parameters.advice)
-    remedy = _PARAMETERS if detail else ""
+    remedy = _ADVISED if detail else ""
     return Check("advised parameters", not detail, detail, remedy, binding=False)
 
 

@@ -36,7 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
     signal.signal(ORPHANED, signal.SIG_IGN)  # the parent's pipe ends too, and tells it apart
-    autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
+    autopilot = Autopilot(
+        gate.emit,
+        gate.note,
+        allow_return=config.gate.allow_return,
+        limits=config.gate_config().velocity,
+    )
     vehicle = config.vehicle
     start_autopilot(
         lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s),

@@ -32,7 +32,7 @@ from mavsdk.system import System
 from dfvs_common.status_text import plain_text
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import ModeRequest, VehicleEvent
-from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.limits import BodyVelocity, VelocityLimits
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
 from dfvs_service.gate.serial_device import (
@@ -41,6 +41,7 @@ from dfvs_service.gate.serial_device import (
     serial_path,
     wait_for_device,
 )
+from dfvs_service.gate.speed_limits import SPEED_LIMITS, speed_refusals
 from dfvs_service.ports import require_free_mavlink_port
 
 AUTOPILOT_COMPONENT = 1
@@ -68,12 +69,22 @@ class Autopilot:
         Takes (kind, text) for the log, from any thread, without blocking.
     allow_return : bool
         Advise against a return to launch where setpoints stop, and do not refuse it.
+    limits : VelocityLimits, optional
+        Limits of the setpoints, which must not be above the autopilot's; the defaults.
     """
 
-    def __init__(self, emit: Emit, note: Note, *, allow_return: bool = False) -> None:
+    def __init__(
+        self,
+        emit: Emit,
+        note: Note,
+        *,
+        allow_return: bool = False,
+        limits: VelocityLimits | None = None,
+    ) -> None:
         self._emit = emit
         self._note = note
         self._allow_return = allow_return
+        self._limits = limits or VelocityLimits()
         self._mavsdk: Mavsdk | None = None
         self._system: System | None = None
         self._direct: MavlinkDirect | None = None
@@ -224,7 +235,7 @@ class Autopilot:
             self._receive_from_others()
             if time.monotonic() >= next_read_s:
                 self._request_telemetry()
-                known = self._read_failsafe()
+                known = self._read_parameters()
                 next_read_s = time.monotonic() + (_READ_EVERY_S if known else _READ_AGAIN_S)
             time.sleep(_POLL_S)
 
@@ -242,18 +253,28 @@ class Autopilot:
             fields = px4.interval_fields(message_id, interval_us, self._system_id)
             self._send("COMMAND_LONG", fields)
 
-    def _read_failsafe(self) -> bool:
-        """Read the failsafe parameters back; returns whether the autopilot sent them.
+    def _read_parameters(self) -> bool:
+        """Read failsafe and speed limits back; returns whether the autopilot sent the failsafe.
 
-        Once they are known, a reading without an answer is none: the gate judges by its age.
+        Once it is known, a reading without an answer is none: the gate judges by its age. A speed
+        limit without an answer, though the failsafe was sent, is one that this PX4 does not have.
         """
         if self._param is None:
             return False
         loss_s = _read(LOSS_TIME, self._param.get_param_float)
         action = _read(LOSS_ACTION, self._param.get_param_int)
-        now_ns, is_known = time.monotonic_ns(), loss_s is not None and action is not None
+        is_known = loss_s is not None and action is not None
         if is_known or not self._has_read_failsafe:
-            self._emit(judge_failsafe(now_ns, loss_s, action, allow_return=self._allow_return))
+            names = SPEED_LIMITS if is_known else ()
+            speeds = {name: _read(name, self._param.get_param_float) for name in names}
+            read = judge_failsafe(
+                time.monotonic_ns(),
+                loss_s,
+                action,
+                allow_return=self._allow_return,
+                others=speed_refusals(speeds, self._limits),
+            )
+            self._emit(read)
         self._has_read_failsafe |= is_known
         return is_known
 

@@ -32,7 +32,12 @@ _LAND_RISK = "where setpoints stop the vehicle would land"
 
 
 def judge_failsafe(
-    t_ns: int, loss_s: float | None, action: float | None, *, allow_return: bool = False
+    t_ns: int,
+    loss_s: float | None,
+    action: float | None,
+    *,
+    allow_return: bool = False,
+    others: tuple[str, ...] = (),
 ) -> ParametersRead:
     """Event of the two parameters; None is one that could not be read.
 
@@ -46,8 +51,11 @@ def judge_failsafe(
         COM_OBL_RC_ACT.
     allow_return : bool
         A return to launch where setpoints stop is advised against, and not refused.
+    others : tuple of str
+        Refusals of other parameters.
     """
-    refusals = (*_time_refusals(loss_s), *_action_refusals(action, allow_return=allow_return))
+    failsafe = (*_time_refusals(loss_s), *_action_refusals(action, allow_return=allow_return))
+    refusals = (*failsafe, *others)
     advice = () if refusals else _advice(loss_s, action)
     found = "" if refusals else f"{LOSS_TIME} {loss_s:g}, {LOSS_ACTION} {action:g}"
     return ParametersRead(t_ns, advice, refusals, found)

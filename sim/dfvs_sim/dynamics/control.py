@@ -92,6 +92,11 @@ class Controller:
             _add(demand.velocity[i], gain * (demand.position[i] - position[i]))
             for i, gain in enumerate((g.xy_position, g.xy_position, g.z_position))
         )
+        return self.limited((north, east, down))
+
+    def limited(self, velocity: Vector) -> Vector:
+        """Velocity within the limits of speed, its direction over ground kept."""
+        g, (north, east, down) = self.gains, velocity
         speed = math.hypot(north, east)
         if speed > g.speed_xy_m_s:
             north, east = north * g.speed_xy_m_s / speed, east * g.speed_xy_m_s / speed

@@ -35,7 +35,8 @@ ARMING = (
     "does not report the check: arm it, the check counts on a disarmed vehicle alone"
 )
 BATTERY = "charge or change the battery, or give the autopilot a power module"
-PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+ADVISED_PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+PARAMETERS = f"{ADVISED_PARAMETERS}, speed limits no lower than those of the settings"
 WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 GOAL = "move to where the goal is in view, or take another goal image"
@@ -138,7 +139,7 @@ def test_parameters_with_refusals_and_with_advice():
     assert listed(gate)["parameters"] == Check("parameters", False, "one; two", PARAMETERS)
     gate.tick(ParametersRead(gate.now_ns, advice=("three", "four"), found="found"))
     assert listed(gate)["parameters"] == Check("parameters", True, "found", "")
-    advised = Check("advised parameters", False, "three; four", PARAMETERS, False)
+    advised = Check("advised parameters", False, "three; four", ADVISED_PARAMETERS, False)
     assert listed(gate)["advised parameters"] == advised
     assert not advised.refuses
 

@@ -1,6 +1,9 @@
+from typing import ClassVar
+
 import pytest
 from mavsdk import MavsdkError
 
+from dfvs_core.gate.limits import VelocityLimits
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.failsafe import judge_failsafe
 
@@ -71,12 +74,15 @@ def test_what_is_dangerous_or_not_known_is_refused(loss_s, action, refusal):
 
 
 class Parameters:
-    """An autopilot that answers as long as it is told to."""
+    """An autopilot that answers as long as it is told to, and has some speed limits."""
 
     answers = True
+    speeds: ClassVar = {"MPC_XY_VEL_MAX": 12.0}
 
-    def get_param_float(self, _):
-        return self._read(0.5)
+    def get_param_float(self, name):
+        if name.startswith("MPC_") and name not in self.speeds:
+            raise MavsdkError("timeout")
+        return self._read(self.speeds.get(name, 0.5))
 
     def get_param_int(self, _):
         return self._read(5)
@@ -93,11 +99,23 @@ def test_a_reading_without_an_answer_says_nothing_once_the_parameters_are_known(
     autopilot = Autopilot(read.append, lambda *_: None)
     autopilot._param = Parameters()
     autopilot._param.answers = False
-    assert not autopilot._read_failsafe()
+    assert not autopilot._read_parameters()
     assert read.pop().refusals
     autopilot._param.answers = True
-    assert autopilot._read_failsafe()
+    assert autopilot._read_parameters()
     assert not read.pop().refusals
     autopilot._param.answers = False
-    assert not autopilot._read_failsafe()
+    assert not autopilot._read_parameters()
     assert read == []
+
+
+def test_speed_limits_are_read_with_the_failsafe_and_those_that_are_missing_pass():
+    read = []
+    autopilot = Autopilot(read.append, lambda *_: None, limits=VelocityLimits(horizontal_m_s=2.0))
+    autopilot._param = Parameters()
+    assert autopilot._read_parameters()
+    assert not read.pop().refusals
+    autopilot._param.speeds = {"MPC_XY_VEL_MAX": 1.0}
+    assert autopilot._read_parameters()
+    (line,) = read.pop().refusals
+    assert "limits.horizontal_m_s is 2 m/s, above MPC_XY_VEL_MAX 1 m/s" in line

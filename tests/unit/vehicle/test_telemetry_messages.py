@@ -74,6 +74,15 @@ def test_the_target_is_the_velocity_that_offboard_flies_and_a_place_in_hold():
     assert vehicle.received("POSITION_TARGET_LOCAL_NED")[-1].type_mask & 0b111 == 0
 
 
+def test_the_target_is_the_velocity_within_the_limits_of_px4():
+    vehicle = VehicleInHand(parameters={"MPC_XY_VEL_MAX": 0.5, "MPC_Z_VEL_MAX_UP": 0.4})
+    vehicle.command(SET_INTERVAL, POSITION_TARGET, 100_000.0)
+    vehicle.fly_offboard(setpoint(0.6, 0.8, -0.9), 1.0)
+    message = vehicle.received("POSITION_TARGET_LOCAL_NED")[-1]
+    assert math.hypot(message.vx, message.vy) == pytest.approx(0.5)
+    assert message.vz == pytest.approx(-0.4)
+
+
 def test_the_estimators_flags_tell_that_the_place_is_lost():
     vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
     vehicle.command(SET_INTERVAL, ESTIMATOR_STATUS, 50_000.0)

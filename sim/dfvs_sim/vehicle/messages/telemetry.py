@@ -163,10 +163,10 @@ class Telemetry:
         )
 
     def _position_target(self, now_ns: int) -> Message:
-        """What the position controller is told; what it is not told is masked out."""
+        """What the position controller flies, as PX4 limits it; what is not given is masked out."""
         demand = self._flight.demand
         yaws = (demand.yaw_rad, demand.yaw_rate_rad_s)
-        values = (*demand.position, *demand.velocity, *demand.acceleration)
+        values = (*demand.position, *self._flight.velocity_target, *demand.acceleration)
         mask = sum(1 << i for i, v in enumerate(values) if not math.isfinite(v))
         mask |= sum(1 << i for i, v in enumerate(yaws, start=10) if not math.isfinite(v))
         return mavlink.MAVLink_position_target_local_ned_message(

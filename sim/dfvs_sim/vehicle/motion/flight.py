@@ -7,7 +7,7 @@ import numpy as np
 from dfvs_sim.dynamics.control import Controller, Demand
 from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateGrade
 from dfvs_sim.dynamics.estimator import Estimator
-from dfvs_sim.dynamics.rigid_body import Quadrotor
+from dfvs_sim.dynamics.rigid_body import Quadrotor, Vector
 from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.motion.liftoff import LandDetector, Liftoff
@@ -84,6 +84,11 @@ class Flight:
         """Begin anew, on arming."""
         self._controller.reset()
         self.navigator.enter(self._status.mode, self.estimate, self._status.mode)
+
+    @property
+    def velocity_target(self) -> Vector:
+        """Velocity that the controller is told, within PX4's limits of speed."""
+        return self._controller.limited(self.demand.velocity)
 
     def takeoff_is_over(self) -> bool:
         """Whether the take-off altitude is reached."""
