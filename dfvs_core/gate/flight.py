@@ -95,12 +95,12 @@ def _into_servo(engagement: Engagement, moment: Moment, cause: Fault) -> Decisio
 
 
 def _motion_fault(moment: Moment) -> Fault | None:
-    """Say why nothing may move right now: a watch that is lost, or data that are not good."""
+    """Say why nothing may move right now: watch, parameters, or data that are not good."""
     return _unwatched(moment) or moment.perception.stale(moment.now_ns)
 
 
 def _unwatched(moment: Moment) -> Fault | None:
-    """Name what is not watched any more."""
+    """Name what is not watched any more, or the parameters that are refused."""
     seen = moment.vehicle, moment.config, moment.now_ns
     return monitor_fault(*seen) or parameters_fault(*seen)
 

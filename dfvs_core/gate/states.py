@@ -84,6 +84,7 @@ class Cause(enum.StrEnum):
     TELEMETRY_LOST = "vehicle's telemetry lost"
     BATTERY_LOW = "battery low"
     WATCH_LOST = "watch lost"
+    PARAMETERS_REFUSED = "parameters refused"
     ESTIMATOR_INVALID = "estimator invalid"
     ESTIMATOR_JUMP = "position estimate jumped"
     FAILSAFE = "autopilot in failsafe"

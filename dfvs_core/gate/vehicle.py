@@ -193,7 +193,9 @@ def monitor_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> F
 
 
 def parameters_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
-    """Say that the failsafe parameters were read too long ago."""
+    """Say that the last reading of the parameters is refused, or too long ago."""
+    if vehicle.parameters.refusals:
+        return Cause.PARAMETERS_REFUSED, "; ".join(vehicle.parameters.refusals)
     read_ns = vehicle.parameters.t_ns
     if now_ns - read_ns > config.timing.parameters_age_ns:
         return Cause.WATCH_LOST, f"failsafe parameters, {_ago(read_ns, now_ns)}"

@@ -155,6 +155,7 @@ BROKEN = [
     ("I4", flight, "flight_fault", lambda old: forever(None)),
     ("I4", flight, "flight_fault", forgets_old_status),
     ("I4", flight, "_unwatched", lambda old: forever(None)),
+    ("I4", flight, "parameters_fault", lambda old: forever(None)),
     ("I4", GateMachine, "_invalidate_perception", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),

@@ -80,3 +80,46 @@ def test_an_engagement_without_a_watch_begins_in_hold():
     end_watch(gate)
     gate.until(GateState.HOLD, 3.0)
     assert (gate.last.source, gate.last.cause) == (GateState.ENGAGE, Cause.WATCH_LOST)
+
+
+TERMINATES = "COM_OBL_RC_ACT is 6 (terminate): the vehicle would fall"
+
+
+def refuse(gate, *refusals):
+    """A reading of parameters that are refused, and none after it."""
+    gate.vehicle.parameters_told = False
+    gate.now_ns += MS
+    return gate.send([ParametersRead(gate.now_ns, refusals=refusals)])
+
+
+def test_parameters_that_are_refused_in_flight_stop_at_once_and_abort_with_the_reason():
+    gate = flying()
+    assert refuse(gate, TERMINATES, "b").setpoint == ZERO
+    assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.PARAMETERS_REFUSED)
+    assert gate.last.detail == f"{TERMINATES}; b"
+    gate.until(GateState.ABORT, 4.0)
+    assert gate.last.reason == f"held too long: parameters refused: {TERMINATES}; b"
+    assert gate.requests[-1][1] is ModeRequest.HOLD
+
+
+def test_parameters_that_are_set_right_within_three_seconds_let_the_flight_go_on():
+    gate = flying()
+    refuse(gate, TERMINATES)
+    gate.run(2.0)
+    assert gate.state is GateState.HOLD
+    gate.vehicle.parameters_told = True
+    gate.tick()
+    assert gate.state is GateState.SERVO
+
+
+def test_advice_in_flight_stops_nothing():
+    gate = flying()
+    gate.tick(ParametersRead(gate.now_ns, advice=("COM_OF_LOSS_T is 1; 0.5 is advised",)))
+    assert gate.state is GateState.SERVO
+
+
+def test_an_engagement_with_refused_parameters_begins_in_hold():
+    gate = Rehearsal(auto_config(timing=NO_CHECK)).until(GateState.ENGAGE)
+    refuse(gate, TERMINATES)
+    gate.until(GateState.HOLD, 3.0)
+    assert (gate.last.source, gate.last.cause) == (GateState.ENGAGE, Cause.PARAMETERS_REFUSED)

@@ -206,6 +206,10 @@ def _stop(t_ns: int, rng: RandomSource) -> Event:
     return Stop(t_ns, "told to", rng.chance(0.5))
 
 
+def _dangerous(t_ns: int) -> ParametersRead:
+    return ParametersRead(t_ns, refusals=("the vehicle would fall",))
+
+
 _ODD_EVENTS: tuple[Callable[[int, RandomSource], Event], ...] = (
     lambda t, rng: Heartbeat(t, rng.pick(MODES), rng.chance(0.8), rng.chance(0.1)),
     lambda t, rng: CurrentMode(t, rng.pick(MODES)),
@@ -221,7 +225,7 @@ _ODD_EVENTS: tuple[Callable[[int, RandomSource], Event], ...] = (
     lambda t, rng: VelocityTarget(t, _triple(rng)),
     lambda t, rng: ForeignSetpoint(t, "from elsewhere"),
     lambda t, rng: OtherServices(t, *rng.pick(((), (("another",),), ((), ("another",))))),
-    lambda t, rng: MonitorFailed(t, "failed") if rng.chance(0.1) else ParametersRead(t),
+    lambda t, rng: MonitorFailed(t, "failed") if rng.chance(0.1) else _dangerous(t),
     _stop,
     lambda t, rng: Report(t, odd_report(t, rng)),
 )

@@ -76,6 +76,8 @@ class Oracle:
         self._estimator_ns = self._health_ns = self._landed_ns = _LONG_AGO
         self._services_ns = self._parameters_ns = _LONG_AGO
         self._is_watched = True
+        self._dangerous: tuple[str, ...] = ()
+        """What the autopilot's parameters are refused for."""
         self._is_stopped = False
         self._battery: float | None = None
         self._other_commander = False
@@ -107,6 +109,7 @@ class Oracle:
                 self.faults.append(f"ordered to {event.action}")
             case ParametersRead():
                 self._parameters_ns = t_ns
+                self._dangerous = event.refusals
             case MonitorFailed():
                 self._is_watched = False
             case _:
@@ -243,12 +246,14 @@ class Oracle:
         return self._watch_objection(now_ns)
 
     def _watch_objection(self, now_ns: int) -> str | None:
-        """Say that parameters or other services are not watched."""
+        """Say that parameters or other services are not watched, or parameters dangerous."""
         timing = self._config.timing
         if not self._is_watched or now_ns - self._services_ns > timing.services_age_ns:
             return "other services are not watched"
         if now_ns - self._parameters_ns > timing.parameters_age_ns:
             return "the failsafe parameters are not watched"
+        if self._dangerous:
+            return "the autopilot's parameters are dangerous"
         return None
 
     @property
