@@ -23,22 +23,26 @@ from dfvs_core.gate.limits import BodyVelocity
 
 _ARMED_FLAG = 128
 _CUSTOM_MODE_FLAG = 1
+_POSCTL = 3
 _AUTO = 4
 
 _MODES = {
     1: VehicleMode.MANUAL,
     2: VehicleMode.ALTITUDE,
-    3: VehicleMode.POSITION,
     6: VehicleMode.OFFBOARD,
     7: VehicleMode.MANUAL,
 }
-_AUTO_MODES = {
-    2: VehicleMode.TAKEOFF,
-    3: VehicleMode.HOLD,
-    4: VehicleMode.MISSION,
-    5: VehicleMode.RETURN,
-    6: VehicleMode.LAND,
+_SUB_MODES = {
+    _POSCTL: {0: VehicleMode.POSITION, 2: VehicleMode.POSITION},
+    _AUTO: {
+        2: VehicleMode.TAKEOFF,
+        3: VehicleMode.HOLD,
+        4: VehicleMode.MISSION,
+        5: VehicleMode.RETURN,
+        6: VehicleMode.LAND,
+    },
 }
+"""Main modes whose sub mode counts. POSCTL's are Position, Orbit (1) and Position slow (2)."""
 _MODE_NUMBERS = {ModeRequest.OFFBOARD: (6, 0), ModeRequest.HOLD: (_AUTO, 3)}
 
 _FAILSAFE_STATUS = (5, 6, 8)
@@ -84,8 +88,8 @@ FOREIGN_SETPOINTS = (
 def mode_of(custom_mode: int) -> VehicleMode:
     """Flight mode that a heartbeat's custom_mode spells: ``main << 16 | sub << 24``."""
     main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
-    if main == _AUTO:
-        return _AUTO_MODES.get(sub, VehicleMode.OTHER)
+    if main in _SUB_MODES:
+        return _SUB_MODES[main].get(sub, VehicleMode.OTHER)
     return _MODES.get(main, VehicleMode.OTHER)
 
 
