@@ -30,6 +30,7 @@ from dfvs_sim.viewpoints.poses import camera_pose
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))
 OTHER_GOAL = camera_pose((-0.5, 0.6, -1.2), np.radians(-60))
+TABLE1 = ("table1", "--bundle", "classical")
 
 
 def bench_task(name, distance_m, angle_deg, goal=GOAL):
@@ -51,13 +52,13 @@ def table1(folder, *more):
     words = ["--tasks", str(folder / "tasks.json"), "--methods", "true-depth,photometric"]
     files = ["--json", str(folder / "t.json"), "--csv", str(folder / "t.csv")]
     words += ["--runs", str(folder / "runs"), "--iterations", "14", *files, *more]
-    return main(["table1", *words])
+    return main([*TABLE1, *words])
 
 
 def one_row(folder, runs, method, *more):
     """Record of a method in the near task."""
     words = ["--tasks", str(folder / "tasks.json"), "--methods", method, "--scenes", "near"]
-    assert main(["table1", *words, "--runs", str(runs), "--iterations", "2", *more]) == 0
+    assert main([*TABLE1, *words, "--runs", str(runs), "--iterations", "2", *more]) == 0
     (record,) = read_records(runs)
     return record
 
@@ -152,7 +153,7 @@ def test_perturbed_trials_stand_beside_those_without(folder, tmp_path, capsys):
     words = ["--tasks", str(folder / "tasks.json"), "--methods", "photometric", "--scenes", "near"]
     words += ["--runs", str(tmp_path / "runs"), "--json", str(tmp_path / "t.json")]
     words += ["--iterations", "14", "--perturb", "noise-mild,occlusion-strong"]
-    assert main(["table1", *words]) == 0
+    assert main([*TABLE1, *words]) == 0
     table = capsys.readouterr().out
     summary = json.loads((tmp_path / "t.json").read_text())
     without = summary["methods"]["photometric"]
@@ -164,7 +165,7 @@ def test_perturbed_trials_stand_beside_those_without(folder, tmp_path, capsys):
     near = without["per_scene"]["near"]
     share = near["translation_m"] / near["median_depth_m"]
     assert near["translation_over_depth"] == pytest.approx(share, rel=0.1)
-    assert main(["table1", *words, "--resume"]) == 0
+    assert main([*TABLE1, *words, "--resume"]) == 0
     assert "3 trials are in" in capsys.readouterr().err
 
 
@@ -224,7 +225,7 @@ def test_a_report_takes_anybody_s_scene_and_leaves_out_what_is_empty(tmp_path):
     scene = tmp_path / "lab.glb"
     scene.write_bytes(builtin_room_path().read_bytes())
     words = ["--scene", str(scene), "--methods", "photometric", "--iterations", "1"]
-    assert main(["table1", *words, "--runs", str(tmp_path / "runs")]) == 0
+    assert main([*TABLE1, *words, "--runs", str(tmp_path / "runs")]) == 0
     (tmp_path / "empty").mkdir()
     more = ("--scene", str(scene), "--basin", str(tmp_path / "empty"))
     assert "the scenes are other ones" in report(tmp_path / "lab.html", tmp_path / "runs", *more)
@@ -250,7 +251,7 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
     assert fits(record, task, record.matcher, record.most_iterations)
     wider = CameraModel.from_horizontal_fov(160, 120, np.radians(80))
     assert not fits(record, replace(task, camera=wider), record.matcher, record.most_iterations)
-    assert not fits(record, task, "classical", record.most_iterations)
+    assert not fits(record, task, "dfvs-flow", record.most_iterations)
 
 
 @pytest.mark.parametrize(
@@ -270,4 +271,5 @@ def test_a_wrong_task_is_one_line_and_exit_code_2(folder, tmp_path, refused, cha
     document = json.loads((folder / "tasks.json").read_text())
     document["tasks"][0].update(change)
     (tmp_path / "tasks.json").write_text(json.dumps(document))
-    assert words in refused(main, "table1", "--tasks", tmp_path / "tasks.json")
+    given = [*TABLE1, "--methods", "photometric", "--tasks", tmp_path / "tasks.json"]
+    assert words in refused(main, *given)
