@@ -164,7 +164,7 @@ def test_the_published_law_nears_the_goal_slowly(room):
 @pytest.mark.parametrize("name", [name for name, kind in METHODS.items() if not kind.network])
 def test_a_method_takes_images_larger_than_the_matcher_works_at(room, name):
     """Such images are reduced to 320 x 240 px to be matched."""
-    trial = servo(room, name, task(0.2, 4, SMALL.scaled(640, 480)), 2)
+    trial = servo(room, name, task(0.2, 4, SMALL.scaled(400, 300)), 2)
     assert trial.end == "iterations"
     assert trial.final.error is not None
 

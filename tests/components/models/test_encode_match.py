@@ -11,8 +11,9 @@ from grid_network import CELL, HEIGHT, WIDTH, centres
 from textured_wall import texture
 
 from dfvs_core.errors import ModelError
+from dfvs_core.matching.staged import StagedMatcher
 from dfvs_models.bundle import read_bundle
-from dfvs_models.catalog import bundle_folder, load_matcher
+from dfvs_models.catalog import bundle_folder
 from dfvs_models.encode_match import EncodeMatchPoints
 from dfvs_models.onnx_session import Execution
 
@@ -210,7 +211,7 @@ def test_an_image_is_matched_with_one_from_a_third_of_the_distance(large):
     expected = (sure.current - third) * LARGE / (LARGE - 2 * third)
     assert len(sure) > 28
     assert np.mean(np.linalg.norm(sure.other - expected, axis=1) < 12.0) > 0.8
-    (upright,) = match(load(bundle_folder("dfvs-flow")), large, near)
+    _, upright = found
     assert len(sure) > 2 * np.count_nonzero(upright.confidence > 0.5)
 
 
@@ -232,7 +233,7 @@ def test_the_same_images_give_the_same_bits(network, turned):
 def test_plain_images_give_no_flow(network):
     plain = grey(*SIZE)
     assert all((matches.confidence < 0.5).all() for matches in match(network, plain, plain))
-    matcher = load_matcher("dfvs-flow", threads=1)
+    matcher = StagedMatcher(network)
     field = matcher.match(matcher.encode(plain), matcher.encode(plain))
     assert field.is_finite()
     assert field.confidence.max() == 0.0
