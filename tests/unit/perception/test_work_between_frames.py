@@ -61,7 +61,7 @@ def is_extended(picture, ages_ns, rate_hz):
     now, settings = [0], {"depth": "motion", "min_matched_texture": 0.0}
     perception = pipeline(picture, PartlySeen(), lambda: now[0], **settings)
     found = frames(perception, picture, now, ages_ns, rate_hz, 3.0, aside_m_s=0.4)
-    return max(confident_ratio(each.flow) for each in found) > 0.9
+    return any(confident_ratio(each.flow) > 0.9 for each in found)
 
 
 @pytest.mark.parametrize(
