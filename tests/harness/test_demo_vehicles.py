@@ -12,6 +12,8 @@ from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.vehicle.record import read_record
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+A_SHORT_WAY = ("--start=0.3,-1.25,-1.25,49", "--goal=0.5,-1,-1.3,40")
+"""A third of a metre, and 9 degrees."""
 
 
 def beside_a_flying_vehicle(folder):
@@ -25,7 +27,7 @@ def beside_a_flying_vehicle(folder):
             pilot.take_off(1.0)
         links = ("--autopilot", f"udpin://127.0.0.1:{vehicle.companion_port}", "--ground", ground)
         words = (*links, "--service", "--engage auto", "--no-report", "--size", "192x144")
-        done = ran(demo_command(folder / "flight", *words))
+        done = ran(demo_command(folder / "flight", *words, *A_SHORT_WAY))
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
 
