@@ -144,7 +144,9 @@ def compiled(pytestconfig, tmp_path):
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
     if not pytestconfig.pluginmanager.hasplugin("cacheprovider"):
         return tmp_path
-    folder = pytestconfig.cache.mkdir(f"bounds-{digest[:16]}")
+    caches = pytestconfig.rootpath / pytestconfig.getini("cache_dir")
+    folder = caches / f"bounds-{digest[:16]}"  # beside what --cache-clear removes
+    folder.mkdir(parents=True, exist_ok=True)
     for old in set(folder.parent.glob("bounds-*")) - {folder}:
         shutil.rmtree(old)
     return folder
