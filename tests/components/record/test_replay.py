@@ -11,17 +11,13 @@ import depth_bundle
 import numpy as np
 import onnx_network
 import pytest
-import recorded_flight
-from recorded_flight import write_recording
+from recorded_flight import fly, write_recording
 
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_service.replay.cli import main
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
-
-fly = functools.partial(recorded_flight.fly, flow__working_width_px=160)
-"""Flights matched in images of half the camera's size: they take less time."""
 
 
 def rerun(path):

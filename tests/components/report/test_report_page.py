@@ -11,9 +11,8 @@ pytestmark = needs_chromium
 
 
 def recording(folder, frames=6):
-    """A short flight, matched in small images, as a recording; the file."""
-    flight = fly(np.random.default_rng(5), frames=frames, flow__working_width_px=160)
-    return write_recording(folder, flight.events)
+    """A short flight as a recording; the file."""
+    return write_recording(folder, fly(np.random.default_rng(5), frames=frames).events)
 
 
 @pytest.fixture(scope="module")
