@@ -1,5 +1,6 @@
 """Monitor of perception's reports: validity, age, rate, reached goal."""
 
+import itertools
 import math
 import statistics
 from collections import deque
@@ -140,6 +141,15 @@ class PerceptionMonitor:
         """Good frames a second of late, and the median time from capture to report, ns."""
         recent = [t - capture for t, capture in self.arrivals if now_ns - t < PACE_NS]
         return len(recent) * S / PACE_NS, round(statistics.median(recent)) if recent else 0
+
+    def replaced_age_ns(self, now_ns: int) -> int:
+        """Median age of a good frame when the next result replaces it, of late, ns; 0: unknown.
+
+        It is the period of the frames and the delay of the results together.
+        """
+        pairs = itertools.pairwise(self.arrivals)
+        ages = [t - capture for (_, capture), (t, _) in pairs if now_ns - t < PACE_NS]
+        return round(statistics.median(ages)) if ages else 0
 
     def lack_of_overlap(self, min_overlap: float) -> str:
         """How little of the goal is in view, as one line; empty where it is enough."""

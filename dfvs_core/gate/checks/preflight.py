@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import (
     NEVER,
     Fault,
@@ -79,6 +80,7 @@ _ADVISED = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 _PARAMETERS = f"{_ADVISED}, speed limits no lower than those of the settings"
 _WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
+_SLOW = "raise the camera's rate, or lower flow.working_width_px"
 _GOAL = "move to where the goal is in view, or take another goal image"
 _MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 _COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
@@ -170,14 +172,19 @@ def _advice(vehicle: VehicleMonitor) -> Check:
 
 
 def _frames(perception: PerceptionMonitor, config: GateConfig, now_ns: int) -> Check:
+    """Refuse frames that are faulty, too few, or too old before the next result replaces them."""
     rate_hz, delay_ns = perception.pace(now_ns)
+    age_ns, limit_ns = perception.replaced_age_ns(now_ns), config.timing.frame_age_ns
     found = f"{rate_hz:.1f} a second, results {delay_ns / MS:.0f} ms after capture"
     stale = perception.stale(now_ns)
-    if stale is not None:
+    if stale is not None and (stale[0] is not Cause.FRAME_OLD or age_ns <= limit_ns):
         return _from_fault("frames", stale, _FRAMES)
     if rate_hz < config.min_frame_hz:
         needed = f"{config.min_frame_hz:g} needed"
         return Check("frames", False, f"{found}; {needed}", _FRAMES)
+    if age_ns > limit_ns:
+        age = f"period and delay {age_ns / MS:.0f} ms together, {limit_ns / MS:.0f} ms at most"
+        return Check("frames", False, f"{found}; {age}", _SLOW)
     return Check("frames", True, found)
 
 

@@ -166,7 +166,8 @@ class GateSection:
     min_frame_hz: float = setting(
         _GATE.min_frame_hz,
         "good frames a second that are needed to start; a camera that is silent for two periods "
-        "of it, or 0.2 s, stops the vehicle; a result counts for 200 ms, so fewer cannot be flown",
+        "of it, or 0.2 s, stops the vehicle; a result counts for 200 ms, so fewer cannot be flown; "
+        "the period of the frames and the delay of the results must not exceed 250 ms together",
         low=S / _GATE.timing.result_age_ns,
         high=60.0,
     )

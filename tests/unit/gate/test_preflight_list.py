@@ -3,10 +3,10 @@
 import math
 
 import pytest
-from gate_rehearsal import Rehearsal, pilot_config
+from gate_rehearsal import TICK_NS, Rehearsal, pilot_config
 
 from dfvs_core.gate.checks.preflight import Check, failures, sole_commander
-from dfvs_core.gate.config import GateConfig
+from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.events import (
     Battery,
     EstimatorState,
@@ -39,6 +39,7 @@ ADVISED_PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL
 PARAMETERS = f"{ADVISED_PARAMETERS}, speed limits no lower than those of the settings"
 WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
+SLOW = "raise the camera's rate, or lower flow.working_width_px"
 GOAL = "move to where the goal is in view, or take another goal image"
 MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
@@ -197,6 +198,56 @@ def test_frames_that_are_too_few():
     gate = Rehearsal(pilot_config(min_frame_hz=60.0)).run(3.0)
     detail = "50.0 a second, results 40 ms after capture; 60 needed"
     assert listed(gate)["frames"] == Check("frames", False, detail, FRAMES)
+
+
+def slow(period_ms, latency_ms):
+    """Gate after 5 s of frames, its states since, and what it said of them in the last second."""
+    gate, said = Rehearsal(pilot_config(), latency_ns=latency_ms * MS), set()
+    for k in range(5 * S // TICK_NS):
+        gate.sees = k * TICK_NS % (period_ms * MS) == 0
+        gate.tick()
+        if k * TICK_NS >= 4 * S:
+            said.add(listed(gate)["frames"])
+    return gate, said
+
+
+@pytest.mark.parametrize(
+    ("period_ms", "latency_ms", "detail"),
+    [
+        (100, 170, "10.0 a second, results 170 ms after capture; period and delay 270 ms"),
+        (120, 140, "a second, results 140 ms after capture; period and delay 260 ms"),
+        (60, 200, "a second, results 200 ms after capture; period and delay 260 ms"),
+    ],
+)
+def test_frames_that_expire_before_the_next_result_are_refused_all_the_time(
+    period_ms, latency_ms, detail
+):
+    gate, said = slow(period_ms, latency_ms)
+    assert gate.state is GateState.PREFLIGHT
+    assert {(check.refuses, check.remedy) for check in said} == {(True, SLOW)}
+    assert all(check.detail.endswith(f"{detail} together, 250 ms at most") for check in said)
+
+
+@pytest.mark.parametrize(("period_ms", "latency_ms"), [(100, 150), (120, 130), (60, 190)])
+def test_frames_that_last_until_the_next_result_pass(period_ms, latency_ms):
+    gate, said = slow(period_ms, latency_ms)
+    assert gate.state is GateState.READY
+    assert all(check.ok for check in said)
+
+
+def test_slow_frames_that_stay_away_are_the_cameras_fault_after_a_second():
+    gate, _ = slow(100, 170)
+    gate.sees = False
+    gate.run(1.02)
+    assert listed(gate)["frames"].remedy == FRAMES
+
+
+def test_fast_frames_that_stay_away_are_the_cameras_fault_at_once():
+    gate = ready()
+    gate.sees = False
+    gate.run(0.3)
+    found = Check("frames", False, "last good frame too old, 260 ms", FRAMES)
+    assert listed(gate)["frames"] == found
 
 
 def test_others_who_command():
