@@ -33,8 +33,12 @@ class RouteLimits:
 
 @dataclass(frozen=True, slots=True)
 class RouteState:
-    """What was seen on the way to one goal; times in ns, None where it is not so."""
+    """What was seen on the way to one goal; times in ns, None where it is not so.
 
+    ``t_ns`` is the time of the last result.
+    """
+
+    t_ns: int | None = None
     engaged_since_ns: int | None = None
     near_since_ns: int | None = None
     previewed_ns: int | None = None
@@ -54,9 +58,23 @@ def on_result(
         and result.error_rad <= limits.near_rad
     )
     if not near:
-        return RouteState(since_ns, None, state.previewed_ns, 0)
+        return RouteState(t_ns, since_ns, None, state.previewed_ns, 0)
     near_ns = t_ns if state.near_since_ns is None else state.near_since_ns
-    return replace(state, engaged_since_ns=since_ns, near_since_ns=near_ns)
+    return replace(state, t_ns=t_ns, engaged_since_ns=since_ns, near_since_ns=near_ns)
+
+
+def on_paused_result(
+    state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int
+) -> RouteState:
+    """State after a frame's result in a HOLD that may lead on: time stands still."""
+    pause_ns = 0 if state.t_ns is None else t_ns - state.t_ns
+    engaged_ns, near_ns = state.engaged_since_ns, state.near_since_ns
+    shifted = replace(
+        state,
+        engaged_since_ns=None if engaged_ns is None else engaged_ns + pause_ns,
+        near_since_ns=None if near_ns is None else near_ns + pause_ns,
+    )
+    return on_result(shifted, limits, result, t_ns, engaged=engaged_ns is not None)
 
 
 def wants_preview(state: RouteState, t_ns: int) -> bool:

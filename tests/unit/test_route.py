@@ -11,6 +11,7 @@ from dfvs_core.perception.route import (
     S,
     is_lost,
     may_go_on,
+    on_paused_result,
     on_preview,
     on_result,
     wants_preview,
@@ -87,3 +88,48 @@ def test_patience_begins_when_the_initial_response_check_is_over():
 def test_nothing_is_lost_while_the_vehicle_is_not_engaged():
     state = on_result(RouteState(), LIMITS, NEAR, 0, engaged=False)
     assert not is_lost(state, LIMITS, 100 * S)
+
+
+def lost_after_s(seconds, *, holds):
+    """Time in SERVO, s, until the next goal is lost, of a flight near this one at 15 Hz.
+
+    ``holds``: with a HOLD of 1.2 s every 6.2 s.
+    """
+    state, servo_s = RouteState(), 0.0
+    for k in range(seconds * 15):
+        held = holds and k / 15 % 6.2 >= 5.0
+        servo_s += 0.0 if held else 1 / 15
+        t_ns = k * S // 15
+        if held:
+            state = on_paused_result(state, LIMITS, NEAR, t_ns)
+        else:
+            state = on_result(state, LIMITS, NEAR, t_ns, engaged=True)
+        if is_lost(state, LIMITS, t_ns):
+            return servo_s
+    return None
+
+
+def test_in_hold_the_time_without_the_next_goal_stands_still():
+    assert lost_after_s(20, holds=False) == pytest.approx(14.0, abs=0.2)
+    assert lost_after_s(30, holds=True) == pytest.approx(14.0, abs=0.2)
+
+
+def test_a_hold_puts_off_what_the_next_goal_is_waited_for():
+    state = on_result(RouteState(), LIMITS, NEAR, 0, engaged=True)
+    state = on_paused_result(state, LIMITS, NEAR, 2 * S)
+    assert not wants_preview(state, 2 * S + RESPONSE_NS - 1)
+    assert wants_preview(state, 2 * S + RESPONSE_NS)
+    assert not is_lost(state, LIMITS, 2 * S + RESPONSE_NS + LIMITS.patience_ns)
+    assert is_lost(state, LIMITS, 2 * S + RESPONSE_NS + LIMITS.patience_ns + 1)
+
+
+def test_a_hold_before_the_vehicle_was_engaged_counts_as_not_engaged():
+    state = on_paused_result(RouteState(), LIMITS, NEAR, 0)
+    state = on_paused_result(state, LIMITS, NEAR, S)
+    assert state.engaged_since_ns is None
+
+
+def test_a_state_other_than_servo_and_hold_begins_the_time_anew():
+    state = on_result(RouteState(), LIMITS, NEAR, 0, engaged=True)
+    state = on_result(state, LIMITS, NEAR, S, engaged=False)
+    assert state.engaged_since_ns is None

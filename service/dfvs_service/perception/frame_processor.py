@@ -61,14 +61,14 @@ class FrameProcessor:
         self._history = VehicleHistory()
         self.servoing = False
         """Whether the vehicle follows, so that the error must fall."""
-        self._paused = False
+        self.paused = False
         """Whether that is interrupted: the time in which the error must fall stands still."""
         self.refused = 0
 
     def on_gate_status(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
         self.servoing = status.state == GateState.SERVO
-        self._paused = status.state == GateState.HOLD
+        self.paused = status.state == GateState.HOLD
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
@@ -86,9 +86,7 @@ class FrameProcessor:
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, UNKNOWN_ATTITUDE)
         frame = replace(frame, t_arrival_ns=sample.t_arrival_ns)
         t_decoded = self._tick()
-        frame_result = self.pipeline.process_frame(
-            frame, motion, self.servoing, paused=self._paused
-        )
+        frame_result = self.pipeline.process_frame(frame, motion, self.servoing, paused=self.paused)
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,

@@ -242,7 +242,9 @@ class PerceptionProcess:
         if processed.frame is None or processed.frame_result is None:
             return
         t_ns, processor = processed.frame.t_capture_ns, self._frame_processor
-        self._route.follow(processed.frame_result, t_ns, engaged=processor.servoing)
+        self._route.follow(
+            processed.frame_result, t_ns, engaged=processor.servoing, paused=processor.paused
+        )
         if self._route.go_on(processor.pipeline, t_ns):
             self._goal = self._route.goal
             log.info("goal %d of %d", self._route.index + 1, self._route.count)

@@ -14,6 +14,7 @@ from dfvs_core.perception.route import (
     RouteState,
     is_lost,
     may_go_on,
+    on_paused_result,
     on_preview,
     on_result,
     wants_preview,
@@ -75,14 +76,21 @@ class RouteFollower:
             )
         return dataclasses.replace(report, reached=False)
 
-    def follow(self, frame_result: FrameResult, t_ns: int, *, engaged: bool) -> None:
-        """Update by a frame's result for the current goal; one that coasts says nothing."""
+    def follow(
+        self, frame_result: FrameResult, t_ns: int, *, engaged: bool, paused: bool = False
+    ) -> None:
+        """Update by a frame's result for the current goal; one that coasts says nothing.
+
+        ``paused``: in a HOLD that may lead on.
+        """
         if self.is_last or frame_result.is_coasting:
             return
-        self._state = on_result(
-            self._state, self._limits, frame_result.result, t_ns, engaged=engaged
-        )
-        self._is_lost = is_lost(self._state, self._limits, t_ns)
+        result, limits = frame_result.result, self._limits
+        if paused:
+            self._state = on_paused_result(self._state, limits, result, t_ns)
+        else:
+            self._state = on_result(self._state, limits, result, t_ns, engaged=engaged)
+        self._is_lost = is_lost(self._state, limits, t_ns)
 
     def go_on(self, pipeline: Pipeline, t_ns: int) -> bool:
         """Evaluate the next goal if it is time; returns whether it has become the current one."""
@@ -99,7 +107,7 @@ class RouteFollower:
         pipeline.set_goal(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
-        self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
+        self._state = RouteState(self._state.t_ns, self._state.engaged_since_ns)
         return True
 
     def _begin_evaluation(self, pipeline: Pipeline, t_ns: int) -> None:

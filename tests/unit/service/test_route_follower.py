@@ -62,7 +62,12 @@ class Rig:
         report = self.route.amend(glance.report)
         if glance.frame_result is not None:
             self.last = glance.frame_result
-            self.route.follow(glance.frame_result, self.now_ns, engaged=self.eye.servoing)
+            self.route.follow(
+                glance.frame_result,
+                self.now_ns,
+                engaged=self.eye.servoing,
+                paused=self.eye.paused,
+            )
             self.route.go_on(self.pipeline, self.now_ns)
         return report
 
@@ -101,6 +106,15 @@ def test_a_frame_that_coasts_does_not_begin_the_patience_with_the_next_goal_anew
     lost = replace(coasting, tracking=TrackingState.LOST)
     rig.route.follow(lost, rig.now_ns, engaged=True)
     assert rig.route._state.near_since_ns is None
+
+
+def test_a_next_goal_that_is_not_in_sight_is_lost_although_the_gate_holds_now_and_then():
+    rig = Rig(yaws=(40.0, 170.0))  # the second is not in sight from the first
+    for state, seconds in (("SERVO", 5), ("HOLD", 1.2), ("SERVO", 5), ("HOLD", 1.2)):
+        rig.state = state
+        assert not rig.stay(40.0, seconds)[-1].lost
+    rig.state = "SERVO"
+    assert rig.stay(40.0, 5)[-1].lost
 
 
 def test_each_goal_is_flown_to_by_its_own_error():
