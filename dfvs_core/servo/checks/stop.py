@@ -16,7 +16,10 @@ _SHORT_NS, _LONG_NS = 1_000_000_000, 3_000_000_000
 """Windows of the stop rule: of a calm vehicle, and of one that is moved about."""
 
 _FULL = 0.9
-"""Share of its window that the errors must span."""
+"""Share of its window that the errors must span if none came just before it."""
+
+_LONGEST_PERIOD_NS = 250_000_000
+"""Longest time between two frames that are flown by; a longer one is a gap."""
 
 _MOST_SPREAD = 5.0
 """Spread of the error, in tolerances, above which nothing is reached."""
@@ -61,7 +64,7 @@ class ErrorSample:
 class WindowError:
     """Length of the mean error and spread about it, of distance and angle, in tolerances.
 
-    ``is_full``: the samples span the window.
+    ``is_full``: the samples span the window, that just before it included where no gap follows.
     """
 
     mean: tuple[float, float]
@@ -166,10 +169,12 @@ def window_error(state: StopState, window_ns: int = _SHORT_NS) -> WindowError:
         return WindowError((np.inf, np.inf), (np.inf, np.inf), is_full=False)
     newest_ns = state.recent[-1].t_ns
     recent = [s for s in state.recent if s.t_ns >= newest_ns - window_ns]
+    before = state.recent[: -len(recent)]
     parts = [np.array([s.offset for s in recent]), np.array([s.turn for s in recent])]
     mean = [float(np.linalg.norm(part.mean(axis=0))) for part in parts]
     spread = [float(np.sqrt(part.var(axis=0).sum())) for part in parts]
-    is_full = newest_ns - recent[0].t_ns >= _FULL * window_ns
+    goes_on = bool(before) and recent[0].t_ns - before[-1].t_ns <= _LONGEST_PERIOD_NS
+    is_full = goes_on or newest_ns - recent[0].t_ns >= _FULL * window_ns
     return WindowError((mean[0], mean[1]), (spread[0], spread[1]), is_full)
 
 

@@ -118,6 +118,34 @@ def test_the_window_tells_mean_and_spread():
     assert error.is_full
 
 
+def at_times(times_ns, offset=0.5):
+    """State after frames at these times, ns, with one offset, in tolerances."""
+    state = StopState()
+    for t_ns in times_ns:
+        state = update_stop(state, ErrorSample(t_ns, np.array([offset, 0.0, 0.0]), NONE, 0.5), True)
+        yield state
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 8.0, 8.5, 9.0, 10.0, 30.0])
+def test_the_window_stays_full_however_the_frames_jitter(rate_hz):
+    jitter_ns = np.random.default_rng(0).normal(0.0, 4e6, round(20 * rate_hz))
+    times_ns = [round(k * 1e9 / rate_hz + jitter) for k, jitter in enumerate(jitter_ns)]
+    states = zip(times_ns, at_times(times_ns), strict=True)
+    assert all(window_error(state).is_full for t_ns, state in states if t_ns >= 1.25e9)
+
+
+def test_the_window_is_not_full_before_it_has_passed():
+    states = at_times(range(0, 900_000_000, 125_000_000))
+    assert not any(window_error(state).is_full for state in states)
+
+
+def test_frames_before_a_gap_do_not_fill_the_window():
+    before = range(0, 1_000_000_000, 125_000_000)
+    after_gap = range(1_200_000_000, 2_100_000_000, 125_000_000)
+    *_, last = at_times([*before, *after_gap])
+    assert not window_error(last).is_full
+
+
 def test_no_progress_far_away_is_being_stuck():
     frames = int(5.2e9 / FRAME_NS)
     assert is_stuck(after([20.0] * frames), progress_s=5.0)
