@@ -1,9 +1,9 @@
 """Pose between two images by a network on both of them stacked, after Saxena et al. (ICRA 2017).
 
 Saxena et al. regress the pose by FlowNet's encoder (FlowNetSimple, Dosovitskiy et al., ICCV 2015)
-on both images stacked. Here the stacked images lead to flow from coarse to fine, each level on the
-second image as the level before has moved it (SpyNet, Ranjan and Black, CVPR 2017), and flow leads
-to the pose.
+on both images stacked. Here the stacked images lead to flow from coarse to fine, and flow leads to
+the pose. Each level sees the second image as the level before has moved it (SpyNet, Ranjan and
+Black, CVPR 2017).
 """
 
 import torch
