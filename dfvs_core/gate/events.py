@@ -146,6 +146,14 @@ class ForeignSetpoint:
 
 
 @dataclass(frozen=True, slots=True)
+class AmbiguousLink:
+    """Several autopilots are on the link, and the settings name none; ``detail`` says which."""
+
+    t_ns: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
 class OtherServices:
     """Names of the other services that hold a lease on this vehicle's name at present."""
 
@@ -208,6 +216,7 @@ VehicleEvent = (
     | ParametersRead
     | VelocityTarget
     | ForeignSetpoint
+    | AmbiguousLink
     | OtherServices
     | MonitorFailed
 )

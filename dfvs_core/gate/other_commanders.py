@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
+    AmbiguousLink,
     ForeignSetpoint,
     Heartbeat,
     MonitorFailed,
@@ -33,7 +34,9 @@ _UNEXPLAINED_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
 _NEVER = -(1 << 62)
 
-OtherCommanderEvent = OtherServices | ForeignSetpoint | VelocityTarget | MonitorFailed
+OtherCommanderEvent = (
+    OtherServices | ForeignSetpoint | AmbiguousLink | VelocityTarget | MonitorFailed
+)
 
 
 @dataclass(slots=True)
@@ -42,6 +45,8 @@ class OtherCommanders:
 
     services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
     setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
+    ambiguous_link: str = ""
+    """Which autopilots are on the link, where there are several and the settings name none."""
     monitor_failure: str = ""
     """Why parameters and other commanders are not watched any more, empty where they are."""
     _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
@@ -78,6 +83,8 @@ class OtherCommanders:
                 self.services = event
             case ForeignSetpoint():
                 self.setpoint = event
+            case AmbiguousLink():
+                self.ambiguous_link = event.detail
             case MonitorFailed():
                 self.monitor_failure = event.detail
             case _:

@@ -44,7 +44,7 @@ def preflight(
 ) -> tuple[Check, ...]:
     """Preflight list of this moment."""
     return (
-        _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
+        _link(vehicle, config, now_ns),
         _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
         _hold(vehicle),
         _health(vehicle, config, now_ns),
@@ -59,6 +59,7 @@ def preflight(
 
 
 _LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
+_SYSTEM_ID = "set vehicle.system_id to the MAV_SYS_ID of this vehicle's autopilot"
 _ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
@@ -108,6 +109,13 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
         return Check(name, True, found)
     cause, detail = fault
     return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
+
+
+def _link(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
+    """Refuse a link that lacks something, or that leads to several autopilots."""
+    if ambiguity := vehicle.other_commanders.ambiguous_link:
+        return Check("link", False, ambiguity, _SYSTEM_ID)
+    return _from_fault("link", link_fault(vehicle, config, now_ns), _LINK)
 
 
 def _health(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:

@@ -82,7 +82,7 @@ def run(words: Sequence[str]) -> int:
     listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
         listener = VehicleStateListener()
-        listener.connect(arguments.mavlink, config.vehicle.timeout_s)
+        listener.connect(arguments.mavlink, config.vehicle.timeout_s, config.vehicle.system_id)
     with _feed(arguments, config, camera.size) as feed:
         captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
     check_size(captured, camera.size, "the source")

@@ -36,13 +36,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
     signal.signal(ORPHANED, signal.SIG_IGN)  # the parent's pipe ends too, and tells it apart
+    vehicle = config.vehicle
     autopilot = Autopilot(
         gate.emit,
         gate.note,
         allow_return=config.gate.allow_return,
         limits=config.gate_config().velocity,
+        system_id=vehicle.system_id,
     )
-    vehicle = config.vehicle
     start_autopilot(
         lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s),
         lambda: autopilot.watch(gate.on_device_lost),

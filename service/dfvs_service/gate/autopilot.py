@@ -14,27 +14,20 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mavsdk import (
-    ComponentType,
-    Configuration,
-    LogLevel,
-    Mavsdk,
-    MavsdkError,
-    log_subscribe,
-)
+from mavsdk import LogLevel, Mavsdk, MavsdkError, log_subscribe
 from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirect,
     MavlinkMessage,
 )
 from mavsdk.plugins.param.param import Param
-from mavsdk.system import System
 
 from dfvs_common.status_text import plain_text
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.events import ModeRequest, VehicleEvent
+from dfvs_core.gate.events import AmbiguousLink, ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity, VelocityLimits
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
+from dfvs_service.gate.mavlink_systems import connect_autopilot, is_autopilot, system_names
 from dfvs_service.gate.serial_device import (
     SerialDevice,
     SerialDeviceError,
@@ -48,14 +41,12 @@ AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
 _READ_AGAIN_S = 1.0
 _READ_EVERY_S = 10.0
+_LISTEN_S = 1.5
+"""Every autopilot on a link sends a heartbeat within this time."""
 
 Emit = Callable[[VehicleEvent], None]
 Note = Callable[[str, str], None]
 _Convert = Callable[[int, Mapping[str, Any]], VehicleEvent | None]
-
-
-class VehicleError(DfvsError):
-    """No autopilot answers, or the connection cannot be opened."""
 
 
 class Autopilot:
@@ -71,6 +62,8 @@ class Autopilot:
         Advise against a return to launch where setpoints stop, and do not refuse it.
     limits : VelocityLimits, optional
         Limits of the setpoints, which must not be above the autopilot's; the defaults.
+    system_id : int
+        MAVLink system id of the autopilot; 0 takes the only one on the link.
     """
 
     def __init__(
@@ -80,20 +73,22 @@ class Autopilot:
         *,
         allow_return: bool = False,
         limits: VelocityLimits | None = None,
+        system_id: int = 0,
     ) -> None:
         self._emit = emit
         self._note = note
         self._allow_return = allow_return
         self._limits = limits or VelocityLimits()
         self._mavsdk: Mavsdk | None = None
-        self._system: System | None = None
         self._direct: MavlinkDirect | None = None
         self._param: Param | None = None
         self._serial: SerialDevice | None = None
         self._has_read_failsafe = False
-        self._system_id = 0
+        self._is_named = system_id != 0
+        self._system_id = system_id
         self._others: dict[int, MavlinkDirect] = {}
         """Other systems on this link, by their id: each has a subscription of its own."""
+        self._other_autopilots: set[int] = set()
         self._expected: set[Any] = {0}
         """Results of requests for an interval that need not be noted any more."""
         log_subscribe(self._on_log)
@@ -119,37 +114,14 @@ class Autopilot:
         path = serial_path(url)
         if path is not None:
             wait_for_device(path, timeout_s)
-        kind = ComponentType.COMPANION_COMPUTER
-        self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
-        result = self._mavsdk.add_any_connection(url)
-        if result != 0:
-            raise VehicleError(
-                f"cannot open the MAVLink connection {url!r} ({result.name})",
-                "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
-                "is another program using it?",
-            )
+        self._mavsdk, system = connect_autopilot(url, self._system_id, timeout_s)
         self._serial = None if path is None else SerialDevice(path)
-        self._system = self._await_autopilot(self._mavsdk, timeout_s)
-        if self._system is None:
-            raise VehicleError(
-                f"no vehicle heard on {url} within {timeout_s:g} s",
-                "an autopilot's heartbeat",
-                "check vehicle.mavlink and that the autopilot is running",
-            )
-        self._system_id = int(self._system.get_system_id())
-        direct = MavlinkDirect(self._system)
+        self._system_id = int(system.get_system_id())
+        self._note("autopilot", f"{system_names({self._system_id})} on {url}")
+        direct = MavlinkDirect(system)
         self._subscribe(direct)
-        self._param = Param(self._system)
+        self._param = Param(system)
         self._direct = direct
-
-    @staticmethod
-    def _await_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
-        deadline = time.monotonic() + timeout_s
-        while (left_s := deadline - time.monotonic()) > 0:
-            system = mavsdk.first_autopilot(min(left_s, _POLL_S))
-            if system is not None:
-                return system
-        return None
 
     def _subscribe(self, direct: MavlinkDirect) -> None:
         """Subscribe to every message that the gate judges by."""
@@ -227,7 +199,10 @@ class Autopilot:
         on_device_lost : callable
             Takes the error that says so; must not block.
         """
+        self._request_telemetry()
         next_read_s = time.monotonic()
+        if not self._is_named:
+            next_read_s += _LISTEN_S  # so that no flight begins before all autopilots were heard
         while True:
             if self._serial is not None and self._serial.is_lost():
                 on_device_lost(_lost(self._serial))
@@ -240,13 +215,28 @@ class Autopilot:
             time.sleep(_POLL_S)
 
     def _receive_from_others(self) -> None:
-        """Subscribe to what other systems send: MAVSDK gives a system's own messages alone."""
-        systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
-        for system in systems:
+        """Subscribe to what other systems send, and report other autopilots.
+
+        MAVSDK gives a system's own messages alone.
+        """
+        for system in [] if self._mavsdk is None else self._mavsdk.get_systems():
             number = int(system.get_system_id())
-            if number not in (0, self._system_id, *self._others):
+            if number in (0, self._system_id):
+                continue
+            if number not in self._others:
                 self._others[number] = MavlinkDirect(system)
                 self._subscribe_foreign(self._others[number])
+            if number not in self._other_autopilots and is_autopilot(system):
+                self._other_autopilots.add(number)
+                self._report_ambiguity()
+
+    def _report_ambiguity(self) -> None:
+        """Report several autopilots, unless the settings name one of them."""
+        if self._is_named:
+            return
+        names = system_names({self._system_id, *self._other_autopilots})
+        detail = f"autopilots of {names} on one link, {self._system_id} was heard first"
+        self._emit(AmbiguousLink(time.monotonic_ns(), detail))
 
     def _request_telemetry(self) -> None:
         for message_id, interval_us in px4.MESSAGE_INTERVALS_US.items():

@@ -74,7 +74,8 @@ def _record_route(config: ServiceConfig, folder: Path, limits: RouteRecordingLim
     config = route_recording_settings(config, known_camera(config))
     matcher = flow_matcher(config.flow)
     listener = VehicleStateListener()
-    listener.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
+    vehicle = config.vehicle
+    listener.connect(vehicle.mavlink, vehicle.timeout_s, vehicle.system_id)
     with open_beside(config) as session:
         frames = FrameQueue(session, config, _log)
         clocks = Clocks(frames.clock, time.monotonic_ns, time.monotonic_ns)

@@ -19,8 +19,17 @@ class VehicleStateListener:
         self._vehicle = VehicleMonitor()
         self._states: deque[VehicleState] = deque(maxlen=_KEPT)
 
-    def connect(self, url: str, timeout_s: float) -> None:
+    def connect(self, url: str, timeout_s: float, system_id: int) -> None:
         """Listen to an autopilot; blocks until it is received.
+
+        Parameters
+        ----------
+        url : str
+            MAVLink connection.
+        timeout_s : float
+            Longest wait for a heartbeat.
+        system_id : int
+            MAVLink system id; 0 takes the first autopilot that is heard.
 
         Raises
         ------
@@ -30,7 +39,7 @@ class VehicleStateListener:
         # MAVSDK is needed here alone, and takes its time to load.
         from dfvs_service.gate.autopilot import Autopilot
 
-        self._autopilot = Autopilot(self.on_event, lambda _kind, _text: None)
+        self._autopilot = Autopilot(self.on_event, lambda _kind, _text: None, system_id=system_id)
         self._autopilot.connect(url, timeout_s)
 
     def on_event(self, event: VehicleEvent) -> None:

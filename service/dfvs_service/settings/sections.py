@@ -26,6 +26,12 @@ class VehicleSection:
     mavlink: str = setting(
         "udpin://127.0.0.1:14540", "MAVLink connection, e.g. serial:///dev/ttyACM0:921600"
     )
+    system_id: int = setting(
+        0,
+        "MAVLink system id of the autopilot (MAV_SYS_ID); 0: the only autopilot on the connection",
+        low=0,
+        high=250,
+    )
     timeout_s: float = setting(
         10.0, "give up if no autopilot is heard for so long, s", low=1.0, high=600.0
     )

@@ -55,10 +55,19 @@ def test_another_vehicle_than_the_one_asked_for_is_refused() -> None:
         flown_system_id(options(port, system_id=2), 5.0)
 
 
-def test_two_vehicles_on_the_companion_link_are_refused() -> None:
+def test_two_vehicles_on_the_companion_link_are_refused_unless_one_is_named() -> None:
     port = free_port()
-    with autopilots(port, 5, 6), pytest.raises(LinkError, match="systems 5 and 6"):
-        flown_system_id(options(port), 5.0)
+    with autopilots(port, 5, 6):
+        with pytest.raises(LinkError, match=r"systems 5 and 6 .*--system-id"):
+            flown_system_id(options(port), 5.0)
+        with pytest.raises(LinkError, match=r"systems 5 and 6 are on .*expected system 2"):
+            flown_system_id(options(port, system_id=2), 5.0)
+
+
+def test_of_two_vehicles_on_the_companion_link_the_named_one_is_flown() -> None:
+    port = free_port()
+    with autopilots(port, 5, 6):
+        assert flown_system_id(options(port, system_id=6), 5.0) == 6
 
 
 def test_a_silent_companion_link_is_refused() -> None:

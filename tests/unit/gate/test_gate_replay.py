@@ -13,6 +13,7 @@ from dfvs_core.errors import WireError
 from dfvs_core.gate.config import MS, Engage, OnDone, S
 from dfvs_core.gate.events import (
     Action,
+    AmbiguousLink,
     Attitude,
     BadReport,
     Battery,
@@ -180,6 +181,7 @@ EVENTS: list[Event] = [
     Stop(7, "by SIGTERM", unsupervised=True),
     VelocityTarget(8, (0.1, 0.2, 0.3)),
     ForeignSetpoint(9, "x"),
+    AmbiguousLink(9, "systems 3 and 7"),
     OtherServices(10, ("a",), ("b", "c")),
     BadReport(11, ""),
     MonitorFailed(12, "failed"),

@@ -8,6 +8,7 @@ from gate_rehearsal import TICK_NS, Rehearsal, pilot_config
 from dfvs_core.gate.checks.preflight import Check, failures, sole_commander
 from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.events import (
+    AmbiguousLink,
     Battery,
     EstimatorState,
     ForeignSetpoint,
@@ -248,6 +249,17 @@ def test_fast_frames_that_stay_away_are_the_cameras_fault_at_once():
     gate.run(0.3)
     found = Check("frames", False, "last good frame too old, 260 ms", FRAMES)
     assert listed(gate)["frames"] == found
+
+
+def test_several_autopilots_on_one_link():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    detail = "autopilots of systems 3 and 7 on one link, 7 was heard first"
+    gate.send([AmbiguousLink(gate.now_ns, detail)])
+    remedy = "set vehicle.system_id to the MAV_SYS_ID of this vehicle's autopilot"
+    assert listed(gate)["link"] == Check("link", False, detail, remedy)
+    gate.until(GateState.PREFLIGHT, 1.0)
+    assert gate.last.detail == f"link: {detail}"
+    assert gate.run(5.0).state is GateState.PREFLIGHT
 
 
 def test_others_who_command():

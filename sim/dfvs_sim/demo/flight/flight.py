@@ -160,7 +160,8 @@ class Flight:
     def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
-        link = self._ground_link(stack)
+        system_id = self._await_system_id(stack)
+        link = stack.enter_context(self._ground_link(system_id))
         pilot, tracker = Pilot(link, log=self._log), PoseTracker(link, log=self._log)
         self._await_vehicle(pilot, tracker)
         stack.callback(self._land, pilot)  # once camera and track have stopped
@@ -174,7 +175,7 @@ class Flight:
         stack.enter_context(running(track.run, "track"))
         watch = TelemetryWatch(session, Topics(self._options.vehicle))
         self._log("starting dfvs-service")
-        service = stack.enter_context(self._processes.service(self._goal_images()))
+        service = stack.enter_context(self._processes.service(self._goal_images(), system_id))
         self.await_ready(watch, service, self._engagement.ready_states)
         if page is not None and page.exit_code is not None:
             raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
@@ -186,14 +187,17 @@ class Flight:
         self._log(f"dashboard at http://{LOOPBACK}:{self._ports.dashboard}/")
         return stack.enter_context(self._processes.dashboard())
 
-    def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
-        """Ground-station link to the very vehicle that the service will fly."""
-        usual = DEFAULT_URL
+    def _await_system_id(self, stack: contextlib.ExitStack) -> int | None:
+        """Start the simulated vehicle, if it is flown; return the id of the one to fly."""
         if self._options.is_simulated:
             stack.enter_context(self._processes.vehicle())
-            usual = f"udpin://{LOOPBACK}:{self._ports.ground}"
-        system_id = flown_system_id(self._options, _STARTUP_S)
-        return stack.enter_context(GroundLink(self._options.ground or usual, system_id))
+        return flown_system_id(self._options, _STARTUP_S)
+
+    def _ground_link(self, system_id: int | None) -> GroundLink:
+        """Ground-station link to the very vehicle that the service will fly."""
+        simulated = f"udpin://{LOOPBACK}:{self._ports.ground}"
+        usual = simulated if self._options.is_simulated else DEFAULT_URL
+        return GroundLink(self._options.ground or usual, system_id)
 
     def _await_vehicle(self, pilot: Pilot, tracker: PoseTracker) -> None:
         """Wait until the vehicle stands on the ground and can be armed."""

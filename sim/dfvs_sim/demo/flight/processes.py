@@ -50,12 +50,21 @@ class FlightProcesses:
         ]
         return Child("vehicle", words, self.folder / "vehicle.log")
 
-    def service(self, goals: Sequence[Path]) -> Child:
-        """``dfvs-service`` with the images of its goals."""
+    def service(self, goals: Sequence[Path], system_id: int | None) -> Child:
+        """``dfvs-service`` with the images of its goals.
+
+        Parameters
+        ----------
+        goals : sequence of Path
+        system_id : int or None
+            MAVLink system id of the vehicle; None leaves it to the settings.
+        """
         mavlink = self.options.autopilot or f"udpin://{LOOPBACK}:{self.ports.companion}"
+        named = () if system_id is None else ("--set", f"vehicle.system_id={system_id}")
         words = [
             *("dfvs_service.cli", "--goal", *map(str, goals)),
             *("--vehicle", self.options.vehicle, "--mavlink", mavlink),
+            *named,
             *("--set", f'zenoh.listen=["{self.ports.zenoh_endpoint}"]'),
             *("--set", f"flow.threads={service_threads()}"),
             *self.camera.service_words,

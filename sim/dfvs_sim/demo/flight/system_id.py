@@ -16,7 +16,8 @@ def flown_system_id(options: FlightOptions, timeout_s: float) -> int | None:
     Raises
     ------
     LinkError
-        If nobody, several vehicles, or another one than was asked for, are on the companion link.
+        If the vehicle that was asked for is not on the companion link, or if none was asked for
+        and there is none, or several.
     """
     if options.autopilot is None:
         return options.system_id or FIRST_SYSTEM_ID
@@ -29,15 +30,15 @@ def flown_system_id(options: FlightOptions, timeout_s: float) -> int | None:
             "a running autopilot",
             "start it, or give its companion link's address",
         )
-    if len(found) > 1:
+    if options.system_id is not None and options.system_id not in found:
+        verb = "are" if len(found) > 1 else "is"
+        raise LinkError(
+            f"{system_names(found)} {verb} on {options.autopilot}", f"system {options.system_id}"
+        )
+    if options.system_id is None and len(found) > 1:
         raise LinkError(
             f"{system_names(found)} are on {options.autopilot}",
-            "one vehicle on the link of its companion computer",
-            "dfvs-service flies the first one that it hears",
+            "one vehicle on the link of its companion computer, or the system id of ours",
+            "give --system-id",
         )
-    (system_id,) = found
-    if options.system_id not in (None, system_id):
-        raise LinkError(
-            f"{system_names(found)} is on {options.autopilot}", f"system {options.system_id}"
-        )
-    return system_id
+    return options.system_id or found.pop()
