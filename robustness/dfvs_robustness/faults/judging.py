@@ -20,6 +20,9 @@ _LATE = (Cause.FRAME_OLD, Cause.RESULT_LATE)
 _TOO_FEW = " a second, results "
 """How the checks begin to say that good frames are too few; so they are where all are bad."""
 
+_BRAKED = (Reaction.HOLD, Reaction.ABORT, Reaction.EXIT)
+"""Reactions that zero setpoints are part of; silence in their place lets the vehicle move on."""
+
 _HELD_AFTER = {S.ENGAGE: (S.ENGAGE, S.HOLD), S.SERVO: (S.HOLD,), S.DONE: (S.HOLD,)}
 """States that a fault that asks for HOLD may lead to; DONE holds the goal by vision."""
 
@@ -69,16 +72,24 @@ class Oracle:
         return any(t["cause"] in _LATE for t in self.transitions)
 
     def stopped_ns(self, t0_ns: int) -> int:
-        """When the first zero after the last motion came; t0_ns where nothing moved since then."""
+        """When the first zero, or else the silence, after the last motion came.
+
+        ``t0_ns`` where nothing moved since then.
+        """
         moving = [s["t_ns"] for s in self.setpoints if moves(s) and s["t_ns"] > t0_ns]
         if not moving:
             return t0_ns
         zeros = [s["t_ns"] for s in self.setpoints if s["t_ns"] > moving[-1]]
         return int(zeros[0] if zeros else moving[-1])
 
+    @property
+    def ends_at_zero(self) -> bool:
+        """Whether the last setpoint of all is zero; False where there is none."""
+        return bool(self.setpoints) and not moves(self.setpoints[-1])
+
     def longest_gap_ns(self) -> int:
-        """Longest time between two setpoints."""
-        times = [s["t_ns"] for s in self.setpoints]
+        """Longest time between two setpoints, or from the last one to the end of the case."""
+        times = [*(s["t_ns"] for s in self.setpoints), self.over_ns]
         return max((b - a for a, b in itertools.pairwise(times)), default=0)
 
     def cause(self, target: GateState | None = None) -> str:
@@ -96,11 +107,14 @@ class Oracle:
 
 def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -> Outcome:
     """Tell whether the reaction was right and in time."""
+    must_brake = fault.reaction in _BRAKED
     if fault.reaction is Reaction.ENDED:
         is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
         which = Reaction.RELEASED if is_released else Reaction.ABORT
         fault = dataclasses.replace(fault, reaction=which)
     reaction_ns, problem = _reaction(fault, state, t0_ns, seen)
+    if must_brake and state is not S.READY and not seen.ends_at_zero:
+        problem = problem or "the setpoints ended without a zero"
     problem = problem or _misnamed(fault, state, seen)
     reaction_ms = max(reaction_ns - t0_ns, 0) / MS if reaction_ns is not None else math.inf
     outcome = Outcome(fault.name, str(state), seed, not problem, reaction_ms, seen.cause(), problem)

@@ -34,7 +34,7 @@ MAVLINK_SIGNAL = mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL
 
 AHEAD_NS = 25_000_000_000
 _POSE_NS = 100_000_000
-_LATE_NS = 40_000_000
+LATE_NS = 40_000_000
 """Delay of the environment itself from which on it is noted in the record."""
 
 _PARAMETERS = {
@@ -230,7 +230,7 @@ class Environment:
             now_ns = time.monotonic_ns()
             if now_ns < next_ns:
                 continue
-            if now_ns - next_ns > _LATE_NS:
+            if now_ns - next_ns > LATE_NS:
                 self._note(now_ns, "world_late", {"by_ns": now_ns - next_ns})
             next_ns = max(next_ns + STEP_NS, now_ns)
             self._publish(now_ns)

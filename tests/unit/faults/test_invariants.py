@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
+import math
 
 import pytest
-from gate_rehearsal import Rehearsal, auto_config
+from gate_rehearsal import Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import OnDone
-from dfvs_core.gate.limits import ZERO
+from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.replay import encode_start, encode_step
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults.invariants import check
@@ -99,7 +100,7 @@ def test_an_initial_motion_above_the_reduced_speed_is_found(flight):
     gate, run = flight
     i = next(i for i, e in enumerate(run.events) if e["t_ns"] > state_ns(gate, "SERVO") + 500 * MS)
     before = [e for e in run.events[: i + 1] if e["kind"] == "setpoint"]
-    fast = {**before[-1], "velocity": [0.1, 0.0, 0.04]}
+    fast = {**before[-1], "velocity": [0.1, 0.0, 0.02]}
     assert found(with_event(run, fast)) == {"I1"}
     assert not found(dataclasses.replace(with_event(run, fast), is_reduced=False))
 
@@ -123,6 +124,62 @@ def test_setpoints_beyond_the_limits_are_found(flight, change):
     events = [*run.events]
     events[i] = events[i] | change
     assert "I1" in found(dataclasses.replace(run, events=events))
+
+
+@pytest.fixture
+def still(tmp_path):
+    """A stream of zeros before anything is engaged, with its records."""
+    gate = Recorded(pilot_config()).until(GateState.READY).run(1.0)
+    return gate, Run(gate.events, gate.log, gate.frames, tmp_path / "none.jsonl")
+
+
+def ramp(t_ns, count, forward=0.0, yaw=0.0, stamps=lambda i: 20 * i):
+    """Setpoints that change by so much each 20 ms, with stamps in ms."""
+    return [
+        setpoint(t_ns + stamps(i) * MS, BodyVelocity(min(forward * i, 0.5), 0.0, 0.0, yaw * i))
+        for i in range(count)
+    ]
+
+
+def texts(run, ramped):
+    events = [*run.events, *ramped]
+    return [v.text for v in check(dataclasses.replace(run, events=events)) if "takes" in v.text]
+
+
+@pytest.mark.parametrize("change", [{"forward": 0.05}, {"forward": 0.02}, {"yaw": 0.1}])
+def test_a_change_that_is_faster_than_the_slew_limits_is_found(still, change):
+    gate, run = still
+    assert texts(run, ramp(gate.now_ns, 12, **change))
+
+
+def test_a_turn_rate_in_one_step_is_found(still):
+    gate, run = still
+    turn = BodyVelocity(yaw_rad_s=math.radians(20))
+    assert texts(run, [setpoint(gate.now_ns, ZERO), setpoint(gate.now_ns + 20 * MS, turn)])
+
+
+def test_a_change_at_the_slew_limit_passes_with_stamps_that_jitter(still):
+    gate, run = still
+    ramped = ramp(gate.now_ns, 40, forward=0.01, stamps=lambda i: 160 if 3 <= i <= 8 else 20 * i)
+    assert not texts(run, ramped)
+
+
+def test_a_brake_is_no_change_too_fast_but_the_way_back_is(still):
+    gate, run = still
+    ramped = ramp(gate.now_ns, 40, forward=0.01)
+    end_ns = ramped[-1]["t_ns"]
+    brake = setpoint(end_ns + 20 * MS, ZERO)
+    assert not texts(run, [*ramped, brake])
+    again = setpoint(end_ns + 40 * MS, BodyVelocity(0.39))
+    assert texts(run, [*ramped, brake, again])
+
+
+def test_stamps_while_the_vehicle_stood_still_are_not_judged(still):
+    gate, run = still
+    ramped = ramp(gate.now_ns, 40, forward=0.01, stamps=lambda i: max(20 * i, 300))
+    assert texts(run, ramped)
+    stall = {"t_ns": gate.now_ns + 300 * MS, "kind": "world_late", "by_ns": 290 * MS}
+    assert not texts(run, [*ramped, stall])
 
 
 def test_motion_outside_of_servo_is_found_once_the_grace_is_over(flight):

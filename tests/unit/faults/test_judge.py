@@ -164,6 +164,31 @@ def test_ready_must_not_become_engaged():
     assert not verdict(Reaction.ABORT, seen(S.ENGAGE, -200), S.READY).passed
 
 
+@pytest.mark.parametrize(
+    ("reaction", "state"), [(Reaction.HOLD, S.HOLD), (Reaction.ABORT, S.ABORT)]
+)
+@pytest.mark.parametrize("last_ms", [180, -20])
+def test_silence_while_the_vehicle_moves_is_no_zero(reaction, state, last_ms):
+    oracle = seen(state, transitions=[to(state, 190)], setpoints=setpoints(last_ms, last_ms))
+    assert "without a zero" in verdict(reaction, oracle, says=("why",)).problem
+    assert "without a zero" in verdict(reaction, dataclasses.replace(oracle, setpoints=[])).problem
+
+
+def test_an_end_of_the_service_without_a_zero_fails():
+    oracle = seen(S.ABORT, setpoints=setpoints(180, 180), is_running=False, mode_commands=HELD)
+    assert "without a zero" in verdict(Reaction.EXIT, oracle, limit_ms=1000.0).problem
+
+
+def test_a_vehicle_that_the_autopilot_takes_need_not_be_braked():
+    oracle = seen(S.ABORT, transitions=[to(S.ABORT, 190)], setpoints=setpoints(180, 180))
+    assert verdict(Reaction.ENDED, oracle).passed
+
+
+def test_the_silence_up_to_the_end_of_a_case_counts_as_a_gap():
+    oracle = seen(S.SERVO, setpoints=setpoints(-200, 240))
+    assert verdict(Reaction.STREAM, oracle, limit_ms=150.0).reaction_ms == 660.0
+
+
 def test_the_stream_is_timed_by_its_longest_gap():
     oracle = seen(S.SERVO)
     assert verdict(Reaction.STREAM, oracle, limit_ms=20.0).passed

@@ -18,6 +18,7 @@ from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import ENDED, ENGAGED, TRANSITIONS, GateState, Transition
 from dfvs_robustness.fuzz.finding import InvariantError
 from dfvs_robustness.fuzz.gate.oracle import Oracle
+from dfvs_robustness.slew import least_time_s
 
 _ROUNDING = 1e-9
 _LONGEST_SLEW_S = 0.1
@@ -230,10 +231,8 @@ class InvariantChecker:
         _demand(self._sent_ns is not None, "I1", "the stream does not begin from zero")
         sent_ns = now_ns if self._sent_ns is None else self._sent_ns
         dt_s = min((now_ns - sent_ns) / S, _LONGEST_SLEW_S)
-        change, limits = v.plus(self._last.scaled(-1.0)), self.config.velocity
-        linear_ok = change.speed_m_s <= limits.slew_m_s2 * dt_s + _ROUNDING
-        turn_ok = abs(change.yaw_rad_s) <= limits.yaw_slew_rad_s2 * dt_s + _ROUNDING
-        _demand(linear_ok and turn_ok, "I1", f"from {self._last} to {v} within {dt_s} s")
+        is_slow = least_time_s(self._last, v, self.config.velocity) <= dt_s + _ROUNDING
+        _demand(is_slow, "I1", f"from {self._last} to {v} within {dt_s} s")
 
     def _check_reason_to_move(self, v: BodyVelocity, now_ns: int) -> None:
         """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known."""
