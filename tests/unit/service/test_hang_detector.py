@@ -45,3 +45,19 @@ def test_a_watcher_that_was_away_itself_blames_nobody_for_that_time():
     silence_ns = overdue_after(watch, back_ns, 1000 * MS)
     assert silence_ns is not None
     assert silence_ns <= HEARTBEAT_LIMIT_NS + LOOK_NS
+
+
+def test_a_watcher_that_is_late_at_every_look_still_finds_a_hang():
+    watch = HangDetector(START_NS)
+    watch.on_heartbeat(START_NS)
+    looks_ns = (START_NS + i * 110 * MS for i in range(1, 600))
+    found_ns = next(now_ns for now_ns in looks_ns if watch.is_overdue(now_ns))
+    assert found_ns - START_NS < 2000 * MS
+
+
+def test_a_watcher_that_is_late_at_every_look_blames_no_process_that_beats():
+    watch = HangDetector(START_NS)
+    for i in range(1, 100):
+        now_ns = START_NS + i * 290 * MS
+        watch.on_heartbeat(now_ns)
+        assert not watch.is_overdue(now_ns)
