@@ -48,15 +48,15 @@ def connect_autopilot(url: str, system_id: int, timeout_s: float) -> tuple[Mavsd
     system = _await_autopilot(mavsdk, system_id, timeout_s)
     if system is None:
         raise _silence(mavsdk, url, system_id, timeout_s)
-    heard_id = int(system.get_system_id())
-    if heard_id == own_id:
+    received_id = int(system.get_system_id())
+    if received_id == own_id:
         return mavsdk, system
     mavsdk.destroy()
     again_s = max(deadline_s - time.monotonic(), _AGAIN_S)
-    mavsdk = _open(url, heard_id)
-    system = _await_autopilot(mavsdk, heard_id, again_s)
+    mavsdk = _open(url, received_id)
+    system = _await_autopilot(mavsdk, received_id, again_s)
     if system is None:
-        raise _silence(mavsdk, url, heard_id, again_s)
+        raise _silence(mavsdk, url, received_id, again_s)
     return mavsdk, system
 
 
