@@ -54,7 +54,7 @@ class Fault:
     how long a fault without a change of state is kept up. ``restarts`` tells that the service does
     not survive it, ``spares_frames`` that it makes no frame late: where frames are late all the
     same, the machine is too busy for a verdict. ``alone`` tells that it disturbs what else runs on
-    the machine.
+    the machine, ``cuts_link`` that the vehicle receives nothing from then on, no zero either.
     """
 
     name: str
@@ -69,6 +69,7 @@ class Fault:
     restarts: bool = False
     spares_frames: bool = False
     alone: bool = False
+    cuts_link: bool = False
     says: tuple[str, ...] = ()
 
 

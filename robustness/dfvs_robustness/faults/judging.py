@@ -107,7 +107,7 @@ class Oracle:
 
 def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -> Outcome:
     """Tell whether the reaction was right and in time."""
-    must_brake = fault.reaction in _BRAKED
+    must_brake = fault.reaction in _BRAKED and not fault.cuts_link
     if fault.reaction is Reaction.ENDED:
         is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
         which = Reaction.RELEASED if is_released else Reaction.ABORT

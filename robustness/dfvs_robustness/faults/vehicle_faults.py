@@ -78,6 +78,7 @@ def vehicle_faults() -> tuple[Fault, ...]:
             ("link-lost", "autopilot link lost", "telemetry over 0.5 s old"),
             (abort, 700.0, READY_OR_ENGAGED, lambda harness, _: harness.environment.silence()),
             says=(Cause.TELEMETRY_LOST, "frames:"),
+            cuts_link=True,
         ),
         _fault(
             ("heartbeat-lost", "no heartbeat, telemetry goes on", "heartbeat over 2 s old"),

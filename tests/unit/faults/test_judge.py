@@ -184,6 +184,12 @@ def test_a_vehicle_that_the_autopilot_takes_need_not_be_braked():
     assert verdict(Reaction.ENDED, oracle).passed
 
 
+def test_no_zero_can_arrive_over_a_link_that_is_cut():
+    oracle = seen(S.ABORT, transitions=[to(S.ABORT, 190)], setpoints=setpoints(0, 0))
+    cut = dataclasses.replace(fault(Reaction.ABORT), cuts_link=True)
+    assert judge(cut, S.SERVO, 0, T0, oracle).passed
+
+
 def test_the_silence_up_to_the_end_of_a_case_counts_as_a_gap():
     oracle = seen(S.SERVO, setpoints=setpoints(-200, 240))
     assert verdict(Reaction.STREAM, oracle, limit_ms=150.0).reaction_ms == 660.0
