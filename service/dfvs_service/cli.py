@@ -21,7 +21,7 @@ from dfvs_service.flight_setup import (
     check_ports,
     display_of,
     programs_of,
-    resolve,
+    resolve_route,
     runtime_folder,
     with_flights_folder,
     with_model,
@@ -222,13 +222,13 @@ def _fly(words: Sequence[str]) -> int:
         },
     )
     _check_image(arguments)
-    first, *others = route_images(arguments.goal)
+    goal_paths = route_images(arguments.goal)
     if arguments.check:
-        return _check(config, first, arguments)
-    config, goal = resolve(with_flights_folder(config), first)
-    later = [resolve(config, goal_path)[1] for goal_path in others]
-    for goal_path, each in zip((first, *others), (goal, *later), strict=True):
+        return _check(config, goal_paths, arguments)
+    config, route = resolve_route(with_flights_folder(config), goal_paths)
+    for goal_path, each in route:
         check_camera(config, goal_path, each)
+    goal, *later = (each for _, each in route)
     check_commands(config)
     check_ports(config)
     config = with_model(config, goal)
@@ -240,24 +240,25 @@ def _fly(words: Sequence[str]) -> int:
         return fly(runtime, programs_of(config), display_of(runtime, as_json=arguments.json_log))
 
 
-def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace) -> int:
+def _check(config: ServiceConfig, goal_paths: Sequence[Path], arguments: argparse.Namespace) -> int:
     """Print a table of what is right and what is not; nothing is armed, moved or streamed."""
     # ONNX Runtime is needed here, and takes its time to load.
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
     # A goal that cannot be read is no cross, but nothing to check by.
-    read_image(goal_path)
-    read_sidecar(goal_path)
+    for goal_path in goal_paths:
+        read_image(goal_path)
+        read_sidecar(goal_path)
     drawn: list[ImageArray] = []
     try:
-        config, goal = resolve(config, goal_path)
+        config, route = resolve_route(config, goal_paths)
     except DfvsError as error:
         report = check_camera_and_model(config, error)
     else:
         check_ports(config)
         with runtime_folder(arguments.runtime_dir) as runtime:
             show = None if arguments.image is None else drawn.append
-            report = check_everything(config, goal, runtime, arguments.check_timeout, show=show)
+            report = check_everything(config, route, runtime, arguments.check_timeout, show=show)
     if drawn:
         write_atomic(arguments.image, encode_png(drawn[0]))
     elif arguments.image is not None:

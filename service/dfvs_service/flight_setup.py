@@ -6,7 +6,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +41,18 @@ def resolve(config: ServiceConfig, goal_path: Path) -> tuple[ServiceConfig, Goal
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
     return config, checked_goal(goal_path, image, sidecar)
+
+
+def resolve_route(
+    config: ServiceConfig, goal_paths: Sequence[Path]
+) -> tuple[ServiceConfig, list[tuple[Path, Goal]]]:
+    """Settings with all that is known of the camera, and each goal of a route with its image.
+
+    What the settings do not say of the camera is as in the first goal's sidecar.
+    """
+    first, *others = goal_paths
+    config, goal = resolve(config, first)
+    return config, [(first, goal), *((path, resolve(config, path)[1]) for path in others)]
 
 
 def check_commands(config: ServiceConfig) -> None:

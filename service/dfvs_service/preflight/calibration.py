@@ -1,6 +1,9 @@
 """Check that the flying camera's calibration and mounting agree with the goal's."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -31,6 +34,20 @@ def camera_check(config: ServiceConfig, goal: Goal) -> Check:
         remedy = "right if the goal's camera sat so; else take the goal again with --config"
         return Check("camera", False, f"{detail}; {difference}", remedy, binding=False)
     return Check("camera", True, detail)
+
+
+def camera_checks(config: ServiceConfig, route: Sequence[tuple[Path, Goal]]) -> tuple[Check, ...]:
+    """Compare the camera that flies with that of every goal of a route.
+
+    Each goal that does not pass has its line, which names it; one line says that all pass.
+    """
+    checks = [(goal_path, camera_check(config, goal)) for goal_path, goal in route]
+    failed = [
+        replace(check, detail=f"goal image {goal_path}: {check.detail}")
+        for goal_path, check in checks
+        if not check.ok
+    ]
+    return tuple(failed) or (checks[0][1],)
 
 
 def calibration_difference(flown: CameraModel, taken: CameraModel) -> str:

@@ -3,7 +3,8 @@
 import dataclasses
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.checks.preflight import Check
@@ -14,7 +15,7 @@ from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.topics import Topics
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import with_working_size
-from dfvs_service.preflight.calibration import camera_check
+from dfvs_service.preflight.calibration import camera_checks
 from dfvs_service.preflight.ground import (
     command_check,
     error_check,
@@ -46,13 +47,14 @@ def check_camera_and_model(config: ServiceConfig, problem: DfvsError) -> CheckRe
 
 def check_everything(
     config: ServiceConfig,
-    goal: Goal,
+    route: Sequence[tuple[Path, Goal]],
     runtime: RuntimeFolder,
     timeout_s: float,
     show: Callable[[ImageArray], None] | None = None,
 ) -> CheckReport:
     """Check the live camera, model and settings, then watch camera and vehicle for a while.
 
+    The camera is checked against every goal of the route, the rest against the first.
     ``show`` takes an image (H, W, 3) of what was seen; there is none where no model works.
 
     Raises
@@ -60,7 +62,8 @@ def check_everything(
     DfvsError
         If the processes cannot run, such as when a port is taken.
     """
-    camera = (camera_check(config, goal), stream_check(config, goal))
+    _, goal = route[0]
+    camera = (*camera_checks(config, route), stream_check(config, goal))
     model, matcher = model_check(config)
     first = (*camera, model)
     if matcher is None:

@@ -4,6 +4,7 @@ import dataclasses
 import io
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from dfvs_core.gate.config import MS
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_service.preflight.calibration import camera_check
+from dfvs_service.preflight.calibration import camera_check, camera_checks
 from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
     MATCH_BUDGET_NS,
@@ -78,6 +79,21 @@ def test_mountings_of_the_same_camera_may_differ_a_little_and_in_position():
     mount = Mount(x_m=0.2, pitch_rad=np.radians(-20.4))
     taken = Goal(goal().image, GoalSidecar(CAMERA, mount=mount))
     assert camera_check(config(**{"camera.mount.pitch_deg": -20}), taken).ok
+
+
+def test_every_goal_of_another_camera_has_a_line_that_names_it():
+    other = goal(dataclasses.replace(CAMERA, fx=1.1 * CAMERA.fx))
+    route = [(Path("a.png"), goal()), (Path("b.png"), other), (Path("c.png"), other)]
+    second, third = camera_checks(config(), route)
+    assert second.refuses
+    assert third.refuses
+    assert "b.png" in second.detail
+    assert "c.png" in third.detail
+
+
+def test_goals_of_the_camera_that_flies_have_one_line():
+    (check,) = camera_checks(config(), [(Path("a.png"), goal()), (Path("b.png"), goal())])
+    assert check.ok
 
 
 def test_the_classical_matcher_needs_no_files():

@@ -236,5 +236,15 @@ def test_every_goal_is_checked_before_anything_starts(route, rng, refused):
     assert "4.png" in refused(cli.main, *words)
 
 
+def test_a_check_looks_at_every_goal_of_a_route(route, rng, capfd, refused):
+    words = [*FOV, "--model", "classical", "--check", "--goal", str(route)]
+    save_picture(route / "2.png", rng, (36, 48))
+    assert cli.main(words) == 1
+    (line,) = [line for line in capfd.readouterr().out.splitlines() if line.startswith("✗ camera")]
+    assert "2.png" in line
+    (route / "3.png").write_bytes(b"no picture")
+    assert "3.png" in refused(cli.main, *words)
+
+
 def test_an_empty_folder_is_no_route(tmp_path, refused):
     assert "is empty" in refused(cli.main, *FOV, "--goal", tmp_path)
