@@ -1,5 +1,6 @@
 """Servoing to a goal image, frame by frame."""
 
+import operator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -129,10 +130,13 @@ class Servo:
         ImageError
             If the frame is not (H, W, 3) uint8 or not of its camera's size.
         ConfigError
-            If the frame is not newer than the last, only some of the frames have odometry, or it is
-            not finite. Such a frame leaves no trace: the next one may follow.
+            If a time is not an integer, the frame is not newer than the last, only some of the
+            frames have odometry, or it is not finite. Such a frame leaves no trace: the next one
+            may follow.
         """
         self._task.camera.check_size(image, "the frame")
+        t_capture_ns = _whole_ns("t_capture_ns", t_capture_ns)
+        age_ns = _whole_ns("age_ns", age_ns)
         last = self._last
         if last is not None and t_capture_ns <= last.motion.t_ns:
             raise ConfigError(
@@ -162,6 +166,16 @@ class Servo:
         T_world_body = last.motion.T_world_body() @ moved @ invert_pose(T_body_camera)
         velocity_m_s = T_world_body[:3, :3] @ last.velocity[:3]
         return Motion.from_pose(T_world_body, velocity_m_s, float(last.velocity[3]))
+
+
+def _whole_ns(name: str, time_ns: int) -> int:
+    """Time of a caller, who may have passed seconds."""
+    try:
+        return operator.index(time_ns)
+    except TypeError as error:
+        raise ConfigError(
+            f"{name} is {time_ns!r}", "an integer", "pass nanoseconds: round(seconds * 1e9)"
+        ) from error
 
 
 def _check_finite(motion: Motion) -> None:

@@ -141,6 +141,15 @@ def test_frames_out_of_order_and_odometry_now_and_then_are_refused(matcher, wall
         servo.step(wall.picture(), 2 * PERIOD_NS, dfvs.Motion.at_rest(0.0, 0.0))
 
 
+@pytest.mark.parametrize("times", [(0.1, 0), (PERIOD_NS, 0.1), (np.float64(PERIOD_NS), 0)])
+def test_times_that_are_not_whole_nanoseconds_are_refused(matcher, wall, times):
+    t_capture_ns, age_ns = times
+    servo = dfvs.Servo(matcher, wall.picture(), CAMERA)
+    with pytest.raises(ConfigError, match="nanoseconds"):
+        servo.step(wall.picture(), t_capture_ns, age_ns=age_ns)
+    assert servo.step(wall.picture(), np.int64(0)).status is dfvs.Status.OK
+
+
 @pytest.mark.parametrize("mount", [None, dfvs.Mount()], ids=["free camera", "level vehicle"])
 @pytest.mark.parametrize("wrong", ["displacement_m", "velocity_m_s", "yaw_rad"])
 def test_odometry_that_is_not_finite_is_refused_and_not_remembered(matcher, wall, mount, wrong):
