@@ -7,7 +7,8 @@ are x = X / Z, y = Y / Z in the optical frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import operator
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
@@ -38,7 +39,8 @@ class CameraModel:
     fx, fy, cx, cy : float
         Focal lengths and principal point in px; the first pixel's centre is (0.5, 0.5).
     distortion : tuple of float
-        OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or empty for a pinhole.
+        OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or empty for a pinhole. OpenCV's own arrays
+        are accepted, as NumPy's numbers are for the others.
 
     Raises
     ------
@@ -63,7 +65,8 @@ class CameraModel:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse intrinsics that no camera can have."""
+        """Make plain numbers of NumPy's, and refuse intrinsics that no camera can have."""
+        self._make_plain()
         if self.width < 16 or self.height < 16:
             raise GeometryError(f"image size {self.width} x {self.height} px", "16 x 16 or more")
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
@@ -82,6 +85,27 @@ class CameraModel:
             )
         if any(self.distortion):
             self._check_invertible()
+
+    def _make_plain(self) -> None:
+        """Turn the fields into int, float and a flat tuple of float."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        distortion = given.pop("distortion")
+        try:
+            plain = {
+                name: operator.index(value) if name in ("width", "height") else float(value)
+                for name, value in given.items()
+            }
+            coefficients = np.atleast_1d(np.squeeze(np.asarray(distortion, dtype=np.float64)))
+        except (TypeError, ValueError) as error:
+            raise GeometryError(
+                f"intrinsics {(*given.values(), distortion)} ({error})",
+                "integers of px for the image size, and numbers",
+            ) from error
+        if coefficients.ndim != 1:
+            raise GeometryError(f"distortion of shape {coefficients.shape}", "one row or column")
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "distortion", tuple(coefficients.tolist()))
 
     def _check_invertible(self) -> None:
         """Refuse a distortion that folds back before it has reached the image's corners."""

@@ -50,6 +50,33 @@ def test_impossible_intrinsics_are_refused(values):
         CameraModel(*values)
 
 
+@pytest.mark.parametrize("shape", [(5,), (1, 5), (5, 1)])
+def test_intrinsics_as_opencv_returns_them_are_those_of_plain_numbers(shape):
+    K = np.array([LENS.fx, LENS.fy, LENS.cx, LENS.cy], np.float32)
+    distortion = np.array(LENS.distortion).reshape(shape)
+    camera = CameraModel(np.int64(320), np.uint16(240), *K, distortion)
+    assert camera == LENS
+    assert {type(value) for value in (*camera.size, camera.fx, *camera.distortion)} == {int, float}
+    assert hash(camera) == hash(LENS)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        (320.5, 240, 200.0, 200.0, 160.0, 120.0),
+        ("320", 240, 200.0, 200.0, 160.0, 120.0),
+        (320, 240, None, 200.0, 160.0, 120.0),
+        (320, 240, 200.0, 200.0, np.zeros(2), 120.0),
+        (320, 240, 200.0, 200.0, 160.0, 120.0, np.zeros((2, 4))),
+        (320, 240, 200.0, 200.0, 160.0, 120.0, "none"),
+        (320, 240, 200.0, 200.0, 160.0, 120.0, None),
+    ],
+)
+def test_intrinsics_that_are_no_numbers_are_refused(values):
+    with pytest.raises(GeometryError):
+        CameraModel(*values)
+
+
 @pytest.mark.parametrize("degrees", [0, 180, 200, -5])
 def test_impossible_fields_of_view_are_refused(degrees):
     with pytest.raises(GeometryError, match="field of view"):
