@@ -16,8 +16,10 @@ from dfvs_bench.trials.perturbation import Disturbance, undisturbed
 from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.depth.depth_map import DepthMap
+from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import (
+    check_pose,
     make_pose,
     pose_error,
     quaternion_from_rotation,
@@ -129,6 +131,11 @@ def run_trial(
     """Lead the camera until the method is done, gives up or goes astray, or time is over.
 
     The method is given what ``disturb`` makes of each rendered view.
+
+    Raises
+    ------
+    DfvsError
+        If the method decides on a motion that is no pose, or an error that is no number.
     """
     T = task.T_world_start
     steps: list[Step] = []
@@ -136,7 +143,7 @@ def run_trial(
     reach_m = _DIVERGED_FACTOR * task.initial_error[0] + _DIVERGED_MARGIN_M
     for k in range(most_iterations + 1):
         view = disturb(k, renderer.render(task.camera, T, antialias=True))
-        decision = method.decide(Observation(k, view.image, true_depth(view), T))
+        decision = _checked(method.decide(Observation(k, view.image, true_depth(view), T)), method)
         steps.append(_step(task, T, decision))
         if decision.done or decision.lost:
             end = "done" if decision.done else decision.lost
@@ -158,6 +165,19 @@ def true_depth(view: View) -> DepthMap:
     seen = view.depth_m > 0
     z = np.where(seen, view.depth_m, np.float32(SKY_DEPTH_M))
     return DepthMap(z, seen.astype(np.float32))
+
+
+def _checked(decision: Decision, method: ServoMethod) -> Decision:
+    """Decision with plain numbers, which a record can hold."""
+    name = type(method).__name__
+    try:
+        T_current_next = check_pose(decision.T_current_next, f"T_current_next of {name}")
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"T_current_next of {name} ({error})", "a pose (4, 4)") from error
+    try:
+        return replace(decision, T_current_next=T_current_next, error=float(decision.error))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"error of {name} is {decision.error!r}", "a number") from error
 
 
 def _step(task: BenchTask, T: FloatArray, decision: Decision) -> Step:
