@@ -70,6 +70,19 @@ def require_file(option: str, path: Path | None) -> None:
         raise ConfigError(f"{option} {path} is a folder", "a file in it")
 
 
+def require_page(option: str, path: Path | None) -> None:
+    """Refuse a page to write that :func:`require_file` refuses, or that browsers do not open.
+
+    Raises
+    ------
+    ConfigError
+        If it does not end in ``.html``, or is no file that could be written.
+    """
+    require_file(option, path)
+    if path is not None and path.suffix.lower() != ".html":
+        raise ConfigError(f"{option} {path} is no page", "a name that ends in .html")
+
+
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes."""
     args = parser.parse_args(argv)

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_file, require_page
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import StatusLine, warn
-from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.supervisor.child import use_one_blas_thread
@@ -56,9 +55,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     require_record_extra()
     if arguments.html is not None:
         require_page_extra("--html")
-    for path in (arguments.json, arguments.html):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ConfigError(f"cannot write {path}", "an existing folder")
+    require_file("--json", arguments.json)
+    require_page("--html", arguments.html)
     # ONNX Runtime, MCAP and protobuf take their time to load.
     from dfvs_service.replay.comparison import as_document, compare
     from dfvs_service.replay.flight import Trial, replay

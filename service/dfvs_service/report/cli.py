@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_file, require_page
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
@@ -89,12 +89,11 @@ def _write(arguments: argparse.Namespace) -> int:
     require_page_extra("dfvs-report")
     source = _source(arguments)
     page = arguments.out or Path(f"{source.name}.html")
+    require_page("--out", page)
     video = arguments.film or page.with_suffix(".webm")
-    if video.suffix != ".webm" or page.absolute() == video.absolute():
+    if video.suffix != ".webm":
         raise ConfigError(f"the video is to be {video}", "a name that ends in .webm")
-    for path in (page, video):
-        if not path.absolute().parent.is_dir():
-            raise ConfigError(f"cannot write {path}", "an existing folder")
+    require_file("--film", video)
     # Jinja2 and OpenCV take their time to load.
     from dfvs_service.report.flight_page import make_report
     from dfvs_service.report.truth import add_truth

@@ -224,7 +224,10 @@ def test_another_model_is_tried_on_the_same_frames(recording):
         (["."], "cannot read ."),
         (["RECORDING", "--bundle", "nowhere"], "there is no model 'nowhere'"),
         (["RECORDING", "--config", "nowhere.toml"], "nowhere.toml"),
-        (["RECORDING", "--json", "/nowhere/r.json"], "cannot write /nowhere/r.json"),
+        (["nowhere.mcap", "--json", "/nowhere/r.json"], "/nowhere/r.json lies in no folder"),
+        (["nowhere.mcap", "--json", "/"], "--json / is a folder"),
+        (["nowhere.mcap", "--html", "/"], "--html / is a folder"),
+        (["nowhere.mcap", "--html", "r.pdf"], "--html r.pdf is no page"),
         ([__file__], "is not a recording"),
     ],
 )

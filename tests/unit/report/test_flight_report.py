@@ -241,7 +241,10 @@ def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, cap
     [
         (["20000101T000000Z-drone1"], "there is no flight"),
         (["/no/such/folder"], "there is no folder"),
-        (["latest", "--out", "/no/such/folder/x.html"], "cannot write /no/such/folder/x.html"),
+        (["latest", "--out", "/no/such/folder/x.html"], "/no/such/folder/x.html lies in no folder"),
+        (["latest", "--out", "/"], "--out / is a folder"),
+        (["latest", "--out", "flight.pdf"], "--out flight.pdf is no page"),
+        (["latest", "--film", "/no/such/folder/x.webm"], "x.webm lies in no folder"),
         (["latest", "--film", "film.avi"], "the video is to be film.avi"),
         (["latest", "--truth", "/no/such/file"], "cannot be read from /no/such/file"),
         (["latest", "20000101T000000Z-drone1"], "2 flights"),
