@@ -1,5 +1,6 @@
 """Catalogue of the matchers and networks by name."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -27,7 +28,7 @@ _NO_MATCHERS = {"mono": "depth", "pose": "a pose"}
 
 
 def load_matcher(
-    name_or_path: str = DEFAULT_MATCHER,
+    name_or_path: str | os.PathLike[str] = DEFAULT_MATCHER,
     threads: int = 2,
     provider: str = "CPUExecutionProvider",
     config: MatchingConfig | None = None,
@@ -37,10 +38,10 @@ def load_matcher(
 
     Parameters
     ----------
-    name_or_path : str
+    name_or_path : str or path
         Name of a bundle in this package, folder of any other bundle, or ``"classical"``, which
-        needs no network. The flow of a ``pair`` bundle is used as it is, or after ``"hybrid:"``
-        made precise by the dense search.
+        needs no network. A path object is always a folder. The flow of a ``pair`` bundle is used
+        as it is, or after ``"hybrid:"`` made precise by the dense search.
     threads : int
         Of ONNX Runtime and OpenCV; for OpenCV it holds in the whole process.
     provider : str
@@ -63,6 +64,7 @@ def load_matcher(
     ...
     dfvs_core.errors.ModelError: there is no model 'no-such-model'; expected 'classical' or ...
     """
+    name_or_path = _as_text(name_or_path)
     execution = Execution(threads, provider, engine_cache)
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
@@ -103,7 +105,7 @@ def network_matcher(
 
 def load_depth(
     choice: DepthChoice,
-    name_or_path: str,
+    name_or_path: str | os.PathLike[str],
     threads: int = 2,
     provider: str = "CPUExecutionProvider",
     engine_cache: str = "",
@@ -120,14 +122,14 @@ def load_depth(
     network = load_depth_network(name_or_path, threads, provider, engine_cache)
     if choice == "network" and network.unit == "affine":
         raise ModelError(
-            f"depth of {name_or_path!r} has an unknown offset, and servo.depth is 'network'",
+            f"depth of {str(name_or_path)!r} has an unknown offset, and servo.depth is 'network'",
             "a network without one, or servo.depth = 'fused', which learns it from motion",
         )
     return network
 
 
 def load_depth_network(
-    name_or_path: str,
+    name_or_path: str | os.PathLike[str],
     threads: int = 2,
     provider: str = "CPUExecutionProvider",
     engine_cache: str = "",
@@ -139,11 +141,11 @@ def load_depth_network(
     ModelError
         If there is no such bundle or provider, or it cannot be used.
     """
-    folder = _folder(name_or_path, "the folder of a depth bundle")
+    folder = _folder(_as_text(name_or_path), "the folder of a depth bundle")
     return DepthNetwork(read_bundle(folder), Execution(threads, provider, engine_cache))
 
 
-def load_pose(name_or_path: str, threads: int = 2) -> PoseNetwork:
+def load_pose(name_or_path: str | os.PathLike[str], threads: int = 2) -> PoseNetwork:
     """Load a ``pose`` bundle.
 
     Raises
@@ -151,7 +153,7 @@ def load_pose(name_or_path: str, threads: int = 2) -> PoseNetwork:
     ModelError
         If there is no such bundle, or it cannot be used.
     """
-    folder = _folder(name_or_path, "the folder of a pose bundle")
+    folder = _folder(_as_text(name_or_path), "the folder of a pose bundle")
     return PoseNetwork(read_bundle(folder), Execution(threads))
 
 
@@ -195,6 +197,11 @@ def bundle_folder(name_or_path: str) -> Path:
     A folder of the same name is asked for as ``./NAME``.
     """
     return packaged_bundles().get(name_or_path, Path(name_or_path))
+
+
+def _as_text(name_or_path: str | os.PathLike[str]) -> str:
+    """Name or folder; a path object is never the name of a bundle in this package."""
+    return name_or_path if isinstance(name_or_path, str) else os.path.abspath(name_or_path)
 
 
 def _folder(name_or_path: str, wanted: str = f"{CLASSICAL!r} or the folder of a bundle") -> Path:

@@ -1,6 +1,7 @@
 """Bundles that are damaged, hostile or do not fit: each refused with one clear line."""
 
 import contextlib
+from pathlib import Path
 
 import grid_network
 import numpy as np
@@ -14,7 +15,13 @@ from dfvs_core.messages.manifest import sha256
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_core.messages.schema import dump
 from dfvs_models.bundle import read_bundle
-from dfvs_models.catalog import bundle_folder, load_matcher, model_files
+from dfvs_models.catalog import (
+    bundle_folder,
+    load_depth_network,
+    load_matcher,
+    load_pose,
+    model_files,
+)
 from dfvs_models.onnx_file import check_onnx
 
 SHAPE = (1, 3, HEIGHT, WIDTH)
@@ -330,3 +337,15 @@ def test_the_bytes_that_were_verified_are_the_bytes_that_are_kept(bundle):
     read = read_bundle(bundle)
     (bundle / "pair.onnx").write_bytes(b"swapped afterwards")
     assert read.graph("pair") == before
+
+
+def test_a_path_object_is_the_folder_of_a_matcher(bundle, monkeypatch):
+    monkeypatch.chdir(bundle.parent)
+    assert load_matcher(Path(bundle.name), threads=1)
+
+
+@pytest.mark.parametrize("load", [load_matcher, load_depth_network, load_pose])
+def test_a_path_object_is_never_the_name_of_a_bundle_in_this_package(load, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelError, match="there is no model"):
+        load(Path("dfvs-flow"))
