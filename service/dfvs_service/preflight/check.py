@@ -101,10 +101,7 @@ def _watch(
     parent = Parent(runtime, Programs(), observer)
     observer.end = lambda: parent.stop(signal.SIGTERM, None)
     supervise(parent)
-    if not observer.is_done or not observer.checks:
-        errors = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
-        raise DfvsError(errors[-1] if errors else "the check ended before the gate said anything")
-    return observer.checks
+    return observer.results()
 
 
 def watching(config: ServiceConfig) -> ServiceConfig:
@@ -129,6 +126,7 @@ class Observer:
 
     def __init__(self, timeout_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
+        self._timeout_s = timeout_s
         self._deadline_s = clock() + timeout_s
         self.checks: tuple[Check, ...] = ()
         self.lines: list[str] = []
@@ -147,6 +145,24 @@ class Observer:
         if ready or self._clock() >= self._deadline_s:
             self.is_done = True
             self.end()
+
+    def results(self) -> tuple[Check, ...]:
+        """Newest checks of the gate; one that fails, where it had no time to make any.
+
+        Raises
+        ------
+        DfvsError
+            If a process could not run, or the check was interrupted.
+        """
+        if self.is_done and self.checks:
+            return self.checks
+        errors = [line.removeprefix(_ERROR) for line in self.lines if line.startswith(_ERROR)]
+        if errors:
+            raise DfvsError(errors[-1])
+        if not self.is_done:
+            raise DfvsError("the check ended before the gate said anything")
+        detail = f"not answered within {self._timeout_s:g} s"
+        return (Check("gate", False, detail, "wait longer: --check-timeout SECONDS"),)
 
     def log(self, line: str) -> None:
         """Keep a line."""

@@ -1,6 +1,12 @@
+import json
+
+import pytest
+
+from dfvs_core.errors import DfvsError
 from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import Engage
 from dfvs_service.preflight.check import Observer, watching
+from dfvs_service.preflight.report import CheckReport
 from dfvs_service.settings.config import load_config
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
@@ -44,3 +50,35 @@ def test_it_ends_with_the_crosses_there_are_when_the_time_is_up():
     watch.show(Heartbeat(0, "PREFLIGHT", "", checks=LIST))
     assert watch.is_done
     assert watch.checks == LIST
+    assert watch.results() == LIST
+
+
+def test_a_gate_that_has_not_answered_when_the_time_is_up_is_a_cross_with_a_remedy():
+    watch, now, _ = observer(3.0)
+    now[0] = 3.0
+    watch.show(Heartbeat(0, "IDLE", "starting"))
+    (check,) = watch.results()
+    assert (check.name, check.ok) == ("gate", False)
+    assert check.detail == "not answered within 3 s"
+    assert "--check-timeout" in check.remedy
+    report = CheckReport("swift", (Check("camera", True), check))
+    assert not report.ok
+    assert [c["status"] for c in json.loads(report.to_json())["checks"]] == ["pass", "failure"]
+
+
+def test_a_process_that_cannot_run_ends_the_check_with_its_error():
+    watch, now, _ = observer(3.0)
+    watch.log("warning: slow")
+    watch.log("error: port 14540 is taken")
+    with pytest.raises(DfvsError, match="port 14540 is taken"):
+        watch.results()
+    now[0] = 3.0
+    watch.show(Heartbeat(0, "IDLE", "starting"))
+    with pytest.raises(DfvsError, match="port 14540 is taken"):
+        watch.results()
+
+
+def test_a_check_that_is_interrupted_has_no_result():
+    watch, _, _ = observer()
+    with pytest.raises(DfvsError, match="ended before"):
+        watch.results()
