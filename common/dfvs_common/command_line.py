@@ -1,6 +1,7 @@
 """Command lines of several commands: parsing, output paths, exit codes, one-line errors."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -68,6 +69,19 @@ def require_file(option: str, path: Path | None) -> None:
     require_folder(option, path)
     if path is not None and path.is_dir():
         raise ConfigError(f"{option} {path} is a folder", "a file in it")
+
+
+def require_replaceable(option: str, path: Path) -> None:
+    """Refuse a file that :func:`require_file` refuses, or whose folder takes no new files.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    require_file(option, path)
+    if not os.access(path.absolute().parent, os.W_OK):
+        raise ConfigError(f"{option} {path} cannot be written", "a folder that is writable")
 
 
 def require_page(option: str, path: Path | None) -> None:

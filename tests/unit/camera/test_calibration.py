@@ -246,3 +246,19 @@ def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_sa
     assert "camera: image 1: " in told
     assert "more" in told.splitlines()[0]
     assert read_calibration(out).fx == pytest.approx(CAMERA.fx, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("out", "told"),
+    [
+        ("folder.toml", "folder.toml is a folder"),
+        ("taken.toml", "taken.png is a folder"),
+        ("none/camera.toml", "lies in no folder"),
+        ("/proc/self/camera.toml", "cannot be written"),
+    ],
+)
+def test_files_that_cannot_be_written_are_refused_before_the_images(out, told, tmp_path, refused):
+    for name in ("folder.toml", "taken.png"):
+        (tmp_path / name).mkdir()
+    words = ["calibrate", "--board", BOARDS["charuco"], "--source", tmp_path / "no-such-source"]
+    assert told in refused(cli.main, *words, "--out", tmp_path / out)

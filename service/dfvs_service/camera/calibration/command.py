@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from dfvs_common.atomic_file import replace_file
+from dfvs_common.command_line import require_replaceable
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
@@ -93,6 +94,8 @@ def run(words: Sequence[str]) -> int:
     board = Board(parse_board(arguments.board))
     if arguments.out.suffix != ".toml":
         raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .toml")
+    for path in _outputs(arguments.out):
+        require_replaceable("--out", path)
     views, size = _collect(board, arguments)
     calibration = calibrate(views, size, arguments.lens)
     document = report_document(calibration, coverage_of(views, size))
@@ -196,6 +199,11 @@ def _outline(view: BoardView) -> np.ndarray[tuple[int, ...], np.dtype[np.float32
     return np.array([u.min(), u.max(), v.min(), v.max(), (u + v).min(), (u - v).max()], np.float32)
 
 
+def _outputs(out: Path) -> tuple[Path, Path, Path]:
+    """Calibration, report and coverage."""
+    return out, out.with_suffix(".json"), out.with_suffix(".png")
+
+
 def _write(
     out: Path, views: Sequence[BoardView], calibration: Calibration, document: dict[str, object]
 ) -> None:
@@ -204,13 +212,14 @@ def _write(
         "Camera calibration by dfvs-camera calibrate (OpenCV " + cv2.__version__ + ")",
         f"{used} images, root mean square reprojection error {calibration.rms_px:.3f} px",
     ]
-    write_calibration(out, calibration.camera, remarks)
-    replace_file(out.with_suffix(".json"), (json.dumps(document, indent=2) + "\n").encode())
-    replace_file(out.with_suffix(".png"), encode_png(coverage_image(views, calibration)))
+    toml, report, image = _outputs(out)
+    write_calibration(toml, calibration.camera, remarks)
+    replace_file(report, (json.dumps(document, indent=2) + "\n").encode())
+    replace_file(image, encode_png(coverage_image(views, calibration)))
 
 
 def _summary(out: Path, document: dict[str, object]) -> str:
-    lines = [f"wrote {out}, {out.with_suffix('.json')} and {out.with_suffix('.png')}"]
+    lines = ["wrote {}, {} and {}".format(*_outputs(out))]
     lines.append(f"root mean square error {document['rms_px']} px")
     for key, title in (("missing", "to be better"), ("doubts", "doubtful")):
         items = document[key]
