@@ -19,6 +19,7 @@ from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_
 from dfvs_core.messages.schema import dump, parse, setting, to_text
 
 GOAL_FORMAT = "dfvs-goal/1"
+_TURN_RAD = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,11 @@ class Mount:
 
     The angles turn a camera that looks straight ahead (aerospace angles in the body frame). The
     position is in FRD, in m.
+
+    Raises
+    ------
+    ConfigError
+        If an angle is more than a turn.
 
     Examples
     --------
@@ -42,6 +48,17 @@ class Mount:
     roll_rad: float = setting(0.0, "the camera's roll about its line of sight; positive: clockwise")
     pitch_rad: float = setting(0.0, "its pitch; positive: looks up")
     yaw_rad: float = setting(0.0, "its yaw; positive: looks to the right")
+
+    def __post_init__(self) -> None:
+        """Refuse angles that are degrees."""
+        for name in ("roll", "pitch", "yaw"):
+            angle_rad = getattr(self, f"{name}_rad")
+            if not abs(angle_rad) <= _TURN_RAD:
+                raise ConfigError(
+                    f"{name} of a mount is {angle_rad:g} rad ({np.degrees(angle_rad):g} degrees)",
+                    "a whole turn at most, 2 pi",
+                    "angles of a Mount and of a goal's JSON are in rad",
+                )
 
     def T_body_camera(self) -> FloatArray:
         """Pose (4, 4) of the optical frame in the body frame."""

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from dfvs_core.errors import DfvsError
+from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar, Mount
 
@@ -49,3 +49,20 @@ def test_a_wrong_sidecar_is_refused(change):
 def test_what_is_not_json_is_refused():
     with pytest.raises(DfvsError, match="not JSON"):
         GoalSidecar.from_json("{")
+
+
+@pytest.mark.parametrize("angle", ["roll_rad", "pitch_rad", "yaw_rad"])
+@pytest.mark.parametrize("value", [-20.0, 6.4, np.inf, np.nan])
+def test_a_mounting_in_degrees_is_refused(angle, value):
+    with pytest.raises(ConfigError, match=r"rad.*in rad"):
+        Mount(**{angle: value})
+
+
+def test_a_sidecar_with_a_mounting_in_degrees_is_refused():
+    text = GoalSidecar(CAMERA, mount=Mount(pitch_rad=-0.25)).to_json()
+    with pytest.raises(ConfigError, match="in rad"):
+        GoalSidecar.from_json(text.replace("-0.25", "-20.0"))
+
+
+def test_a_mounting_may_be_a_whole_turn():
+    assert Mount(yaw_rad=-2.0 * np.pi).T_body_camera() == pytest.approx(Mount().T_body_camera())
