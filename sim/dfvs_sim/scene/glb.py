@@ -1,7 +1,8 @@
 """Read any unlit or baked glTF binary (.glb) as a scene.
 
 What is seen is base colour texture x base colour factor x COLOR_0, as the extension
-KHR_materials_unlit has it; normals, metalness, lights and transparency are not used.
+KHR_materials_unlit has it. Where the base colour is black or absent, the emission stands for it:
+light is baked into it. Normals, metalness, lights and transparency are not used.
 """
 
 import json
@@ -13,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.progress import warn
 from dfvs_core.errors import DfvsError, ImageError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.image import decode_image
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb_accessor import Document, read_accessor, read_view
-from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene, SceneError
+from dfvs_sim.scene.glb_material import Material, ignored_features, material_of
+from dfvs_sim.scene.mesh import Int32Array, Scene, SceneError
 from dfvs_sim.scene.texture import Texture, Wrap
 
 MAX_TEXTURE_PIXELS = 8192 * 8192
@@ -60,7 +63,8 @@ def load_glb(path: str | Path) -> Scene:
     except OSError as error:
         raise GlbError(f"scene {path} cannot be read ({error.strerror})", "a .glb file") from error
     try:
-        return _scene(_parse(data))
+        document = _parse(data)
+        scene, ignored = _scene(document), ignored_features(document.json)
     except GlbError as error:
         raise GlbError(f"scene {path}: {error.problem}", error.expected, error.remedy) from error
     except (ImageError, SceneError) as error:
@@ -69,6 +73,9 @@ def load_glb(path: str | Path) -> Scene:
         raise GlbError(
             f"scene {path} is damaged ({type(error).__name__}: {error})", "a valid glTF 2.0 binary"
         ) from error
+    if ignored:
+        warn(f"scene {path}: ignored {' and '.join(ignored)}; what has it is drawn plain")
+    return scene
 
 
 def _parse(data: bytes) -> Document:
@@ -168,7 +175,7 @@ def _parts(document: Document, mesh: dict[str, Any], matrix: FloatArray) -> Iter
             raise GlbError("a mesh is compressed with Draco", "plain vertex data", _PLAIN)
         attributes = primitive["attributes"]
         positions = read_accessor(document, attributes["POSITION"]).astype(np.float64)
-        material = _material(document.json, primitive)
+        material = material_of(document.json, primitive)
         triangles = _triangles(document, primitive, len(positions))
         if len(triangles) == 0:
             continue
@@ -203,46 +210,13 @@ def _triangles(document: Document, primitive: dict[str, Any], count: int) -> Int
     return triangles.astype(np.int32)
 
 
-@dataclass(frozen=True, slots=True)
-class _Material:
-    """What of a material is used."""
-
-    factor: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
-    texture: int = NO_TEXTURE
-    uv_set: int = 0
-    uv_offset: tuple[float, ...] = (0.0, 0.0)
-    uv_rotation_rad: float = 0.0
-    uv_scale: tuple[float, ...] = (1.0, 1.0)
-
-
-def _material(gltf: dict[str, Any], primitive: dict[str, Any]) -> _Material:
-    """Base colour of a primitive's material."""
-    if "material" not in primitive:
-        return _Material()
-    pbr = gltf["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
-    factor = tuple(float(x) for x in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
-    info = pbr.get("baseColorTexture")
-    if info is None:
-        return _Material(factor)
-    transform = info.get("extensions", {}).get("KHR_texture_transform", {})
-    return _Material(
-        factor,
-        int(info["index"]),
-        int(transform.get("texCoord", info.get("texCoord", 0))),
-        tuple(transform.get("offset", (0.0, 0.0))),
-        float(transform.get("rotation", 0.0)),
-        tuple(transform.get("scale", (1.0, 1.0))),
-    )
-
-
 def _uv(
-    document: Document, attributes: dict[str, int], material: _Material, count: int
+    document: Document, attributes: dict[str, int], material: Material, count: int
 ) -> Float32Array:
     """Texture coordinates (N, 2) of a primitive, transformed as KHR_texture_transform says."""
-    name = f"TEXCOORD_{material.uv_set}"
-    if material.texture == NO_TEXTURE or name not in attributes:
+    if not material.has_coordinates(attributes):
         return np.zeros((count, 2), np.float32)
-    uv = read_accessor(document, attributes[name]).astype(np.float64)
+    uv = read_accessor(document, attributes[material.uv_name]).astype(np.float64)
     c, s = np.cos(material.uv_rotation_rad), np.sin(material.uv_rotation_rad)
     scaled = uv * np.array(material.uv_scale)
     turned = scaled @ np.array([[c, s], [-s, c]]).T + np.array(material.uv_offset)
@@ -250,7 +224,7 @@ def _uv(
 
 
 def _colours(
-    document: Document, attributes: dict[str, int], material: _Material, count: int
+    document: Document, attributes: dict[str, int], material: Material, count: int
 ) -> Float32Array:
     """Linear light (N, 3) of a primitive: COLOR_0 x base colour factor."""
     factor = np.array(material.factor[:3], dtype=np.float32)

@@ -210,3 +210,45 @@ class TestOurOwnFiles:
         document = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
         assert document["extensionsRequired"] == ["KHR_mesh_quantization"]
         assert all(view["byteOffset"] % 4 == 0 for view in document["bufferViews"])
+
+
+BLACK = {"baseColorFactor": [0, 0, 0, 1]}
+
+
+@pytest.mark.parametrize("base", [{"pbrMetallicRoughness": BLACK}, {}], ids=["black", "absent"])
+def test_light_that_is_baked_as_emission_is_drawn(tmp_path, base, capsys):
+    file = GlbFile()
+    texture = file.picture(encode_png(np.full((2, 2, 3), 200, np.uint8)))
+    emission = {"emissiveTexture": {"index": texture}, "emissiveFactor": [1, 0.5, 1]}
+    file.json["materials"].append(base | emission)
+    uv = file.accessor(np.ones((3, 2), np.float32))
+    file.triangle(attributes={"TEXCOORD_0": uv}, material=0)
+    scene = loaded(file, tmp_path)
+    assert scene.texture_index.tolist() == [0]
+    np.testing.assert_allclose(scene.colours[0], [1, 0.5, 1])
+    np.testing.assert_allclose(scene.uv, 1.0)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("emission", [{}, {"emissiveFactor": [0.2, 0.2, 0.2]}])
+def test_a_base_colour_is_drawn_without_its_emission(tmp_path, emission):
+    file = GlbFile()
+    material = file.material(baseColorFactor=[0.5, 0.25, 0, 1])
+    file.json["materials"][material] |= emission
+    file.triangle(material=material)
+    np.testing.assert_allclose(loaded(file, tmp_path).colours[0], [0.5, 0.25, 0])
+
+
+def test_materials_that_cannot_be_drawn_are_named_in_one_warning(tmp_path, capsys):
+    file = GlbFile()
+    texture = file.picture(encode_png(np.zeros((2, 2, 3), np.uint8)))
+    textured = file.material(baseColorTexture={"index": texture})
+    extension = {"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": texture}}}
+    file.json["materials"].append({"extensions": extension})
+    for material in (textured, textured, 1):
+        file.triangle(material=material)
+    loaded(file, tmp_path)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: ")
+    assert "TEXCOORD" in line
+    assert "KHR_materials_pbrSpecularGlossiness" in line
