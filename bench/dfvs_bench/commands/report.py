@@ -6,6 +6,7 @@ from typing import Any
 
 from dfvs_bench.basin.outcomes import BASIN_FILE, read_outcomes
 from dfvs_bench.drone.records import read_records as read_flights
+from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.options import add_own_scenes, own_tasks
 from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, read_records
@@ -102,4 +103,12 @@ def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord
     ]
     if len(ours) < len(records):
         log(f"{len(records) - len(ours)} trials in {args.runs} are of other tasks: left out")
+    unknown = sorted({record.method for record in ours} - set(METHODS))
+    if unknown:
+        known = [record for record in ours if record.method in METHODS]
+        log(
+            f"{len(ours) - len(known)} trials in {args.runs} are of methods that are not known "
+            f"here ({', '.join(unknown)}): left out; run the report by the file that adds them"
+        )
+        ours = known
     return tasks, ours

@@ -1,7 +1,7 @@
 """Plots of the benchmark in one style, for one column of a printed page; the paper's Fig. 5."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b8860b", "#4
 """Of Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
 _LINES = ("-", "--", ":", "-.")
+_Styles = Mapping[str, dict[str, Any]]
 _FORMATS = ("png", "svg", "pdf")
 _NAMES_A_ROW = 2
 _LINEAR_ITERATIONS = 100
@@ -55,11 +56,12 @@ _SURROUNDINGS = 0.15
 """Shown around start and goal, as a share of the distance between them."""
 
 
-def method_style(name: str) -> dict[str, Any]:
-    """Colour and line of a method, the same in every plot."""
-    names = list(METHODS)
-    k = names.index(name) if name in names else len(names)
-    return {"color": COLOURS[k % len(COLOURS)], "linestyle": _LINES[k // len(COLOURS) % 4]}
+def method_styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour and line of methods: known ones have theirs in every plot, others by position."""
+    return {
+        name: {"color": COLOURS[k % len(COLOURS)], "linestyle": _LINES[k // len(COLOURS) % 4]}
+        for k, name in enumerate(dict.fromkeys([*METHODS, *names]))
+    }
 
 
 def file_of(figure: Figure, file_format: str) -> bytes:
@@ -72,6 +74,7 @@ def file_of(figure: Figure, file_format: str) -> bytes:
 
 def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes:
     """File (``png``, ``svg`` or ``pdf``) of the trials of one task, a line for every method."""
+    styles = method_styles(record.method for record in records)
     rows = -(-(len(records) + 1) // _NAMES_A_ROW)
     height_in = sum(_HEIGHTS_IN) + _NAMES_IN * rows
     with mpl.rc_context(STYLE):
@@ -79,32 +82,34 @@ def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes
         panels = figure.subplot_mosaic(
             [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
         )
-        _errors(panels["error"], records)
-        _speeds(panels["linear"], records, slice(0, 3), "(b) Linear velocity (m/s)")
-        _speeds(panels["angular"], records, slice(3, 6), "(c) Angular velocity (rad/s)")
-        _paths(panels["above"], panels["aside"], records)
+        _errors(panels["error"], records, styles)
+        _speeds(panels["linear"], records, styles, slice(0, 3), "(b) Linear velocity (m/s)")
+        _speeds(panels["angular"], records, styles, slice(3, 6), "(c) Angular velocity (rad/s)")
+        _paths((panels["above"], panels["aside"]), records, styles)
         lines, names = panels["above"].get_legend_handles_labels()
         figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
         return file_of(figure, file_format)
 
 
-def _errors(axes: Any, records: Sequence[TrialRecord]) -> None:
+def _errors(axes: Any, records: Sequence[TrialRecord], styles: _Styles) -> None:
     """Each method's own error, as a share of what it was at the start."""
     for record in records:
         errors = [step.error for step in record.trial.steps]
         known = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
         first = known[np.isfinite(known)][:1]
         if first.size and first[0] > 0:
-            axes.semilogy(known / first[0], **method_style(record.method))
+            axes.semilogy(known / first[0], **styles[record.method])
     axes.set_title("(a) Feature or photometric error ÷ its first value")
     _iterations(axes)
 
 
-def _speeds(axes: Any, records: Sequence[TrialRecord], part: slice, title: str) -> None:
+def _speeds(
+    axes: Any, records: Sequence[TrialRecord], styles: _Styles, part: slice, title: str
+) -> None:
     """Length of the linear or angular velocity."""
     for record in records:
         velocities = np.array([step.velocity for step in record.trial.steps])[:, part]
-        axes.plot(np.linalg.norm(velocities, axis=1), **method_style(record.method))
+        axes.plot(np.linalg.norm(velocities, axis=1), **styles[record.method])
     axes.set_title(title)
     axes.set_ylim(bottom=0)
     _iterations(axes)
@@ -121,8 +126,9 @@ def _iterations(axes: Any) -> None:
     axes.set_xlabel("iteration", labelpad=1)
 
 
-def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
+def _paths(panels: tuple[Any, Any], records: Sequence[TrialRecord], styles: _Styles) -> None:
     """Paths seen from above, and from the side of the straight line from start to goal."""
+    above, aside = panels
     goal = np.array(records[0].goal).reshape(4, 4)[:3, 3]
     start = records[0].trial.steps[0].position_m - goal
     along = start[:2] / min(-float(np.linalg.norm(start[:2])), -1e-9)
@@ -142,7 +148,7 @@ def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
     for record in records:
         path = np.array([step.position_m for step in record.trial.steps]) - goal
         for axes, line in zip((above, aside), seen(path), strict=True):
-            axes.plot(*line.T, label=record.method, **method_style(record.method))
+            axes.plot(*line.T, label=record.method, **styles[record.method])
     for axes in (above, aside):
         axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
     above.set_title("(d) From above (m)")
