@@ -74,21 +74,28 @@ def file_of(figure: Figure, file_format: str) -> bytes:
 
 def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes:
     """File (``png``, ``svg`` or ``pdf``) of the trials of one task, a line for every method."""
+    with mpl.rc_context(STYLE):
+        return file_of(draw_controller(records), file_format)
+
+
+def draw_controller(records: Sequence[TrialRecord]) -> Figure:
+    """Figure of the trials of one task, in the style of Matplotlib's settings."""
     styles = method_styles(record.method for record in records)
     rows = -(-(len(records) + 1) // _NAMES_A_ROW)
     height_in = sum(_HEIGHTS_IN) + _NAMES_IN * rows
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(COLUMN_IN, height_in), layout="constrained")
-        panels = figure.subplot_mosaic(
-            [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
-        )
-        _errors(panels["error"], records, styles)
-        _speeds(panels["linear"], records, styles, slice(0, 3), "(b) Linear velocity (m/s)")
-        _speeds(panels["angular"], records, styles, slice(3, 6), "(c) Angular velocity (rad/s)")
-        _paths((panels["above"], panels["aside"]), records, styles)
-        lines, names = panels["above"].get_legend_handles_labels()
-        figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
-        return file_of(figure, file_format)
+    figure = Figure(figsize=(COLUMN_IN, height_in), layout="constrained")
+    panels = figure.subplot_mosaic(
+        [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
+    )
+    _errors(panels["error"], records, styles)
+    _speeds(panels["linear"], records, styles, slice(0, 3))
+    _speeds(panels["angular"], records, styles, slice(3, 6))
+    panels["linear"].set(title="(b) Linear velocity", ylabel="m/s")
+    panels["angular"].set(title="(c) Angular velocity", ylabel="rad/s")
+    _paths((panels["above"], panels["aside"]), records, styles)
+    lines, names = panels["above"].get_legend_handles_labels()
+    figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
+    return figure
 
 
 def _errors(axes: Any, records: Sequence[TrialRecord], styles: _Styles) -> None:
@@ -103,14 +110,11 @@ def _errors(axes: Any, records: Sequence[TrialRecord], styles: _Styles) -> None:
     _iterations(axes)
 
 
-def _speeds(
-    axes: Any, records: Sequence[TrialRecord], styles: _Styles, part: slice, title: str
-) -> None:
+def _speeds(axes: Any, records: Sequence[TrialRecord], styles: _Styles, part: slice) -> None:
     """Length of the linear or angular velocity."""
     for record in records:
         velocities = np.array([step.velocity for step in record.trial.steps])[:, part]
         axes.plot(np.linalg.norm(velocities, axis=1), **styles[record.method])
-    axes.set_title(title)
     axes.set_ylim(bottom=0)
     _iterations(axes)
 

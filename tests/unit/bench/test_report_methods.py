@@ -1,9 +1,13 @@
-"""What the benchmark's report does with trials of methods that it does not know."""
+"""Methods in the benchmark's report and plots."""
 
+import matplotlib as mpl
+import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from dfvs_bench.cli import main
-from dfvs_bench.report.figures import method_styles
+from dfvs_bench.report.figures import STYLE, draw_controller, method_styles
 from dfvs_bench.trials.results import TrialRecord, write_record
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.trial import Step, Trial
@@ -13,7 +17,11 @@ KITCHEN = next(task for task in default_tasks() if task.name == "kitchen")
 
 def record(method):
     start, goal = (tuple(pose.ravel().tolist()) for pose in KITCHEN.poses)
-    step = Step((0.0, 0.0, 0.0), 1.0, 0.1, 1.0, (0.0,) * 6)
+    twist = np.array([0.3, 0.3, 0.3, 0.003, 0.003, 0.003])  # its ticks take much room
+    steps = tuple(
+        Step((0.0, 0.0, 0.0), error, error, error, tuple((error * twist).tolist()))
+        for error in (1.0, 0.4, 0.16)
+    )
     return TrialRecord(
         task=KITCHEN.name,
         difficulty=KITCHEN.difficulty,
@@ -28,7 +36,7 @@ def record(method):
         inputs="",
         seed=None,
         seconds=1.0,
-        trial=Trial((step, step), "iterations", start),
+        trial=Trial(steps, "iterations", start),
     )
 
 
@@ -51,3 +59,12 @@ def test_methods_have_styles_of_their_own(names):
 
 def test_a_known_method_has_the_same_style_beside_any_other():
     assert method_styles(["pnp"])["pnp"] == method_styles(["my-a", "pnp"])["pnp"]
+
+
+def test_the_titles_of_the_controller_s_plot_are_whole():
+    with mpl.rc_context(STYLE):
+        figure = draw_controller([record("pnp")])
+        FigureCanvasAgg(figure).draw()
+    titles = [text for text in figure.findobj(Text) if text.get_text().startswith("(")]
+    assert [title.get_text()[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)", "(e)"]
+    assert max(title.get_window_extent().x1 for title in titles) <= figure.bbox.x1
