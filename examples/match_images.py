@@ -41,7 +41,8 @@ def main() -> None:
     for i in range(0, len(at_view), max(len(at_view) // 60, 1)):
         start, end = at_view[i].astype(int), (at_goal[i] + (width, 0)).astype(int)
         cv2.line(drawing, start.tolist(), end.tolist(), (255, 160, 0), 1, cv2.LINE_AA)
-    cv2.imwrite(arguments.out, drawing[:, :, ::-1])
+    if not cv2.imwrite(arguments.out, drawing[:, :, ::-1]):
+        parser.error(f"cannot write {arguments.out}")
 
 
 if __name__ == "__main__":

@@ -48,7 +48,8 @@ def main() -> int:
         if is_reached:
             break
         T_world_camera = T_world_camera @ se3_exp(result.velocity * PERIOD_S)
-    cv2.imwrite(arguments.out, np.hstack([views[0], views[-1], goal])[:, :, ::-1])
+    if not cv2.imwrite(arguments.out, np.hstack([views[0], views[-1], goal])[:, :, ::-1]):
+        parser.error(f"cannot write {arguments.out}")
     return 0 if is_reached else 1
 
 

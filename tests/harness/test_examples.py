@@ -52,6 +52,12 @@ def test_two_images_are_matched_and_drawn(folder, monkeypatch, capsys):
     assert cv2.imread("matches.png").shape == (240, 640, 3)
 
 
+def test_a_drawing_that_cannot_be_written_is_told(folder, monkeypatch, capsys):
+    words = "match_images.py view.png goal.png --model classical --out no-such-folder/matches.png"
+    assert run(words, monkeypatch) == 2
+    assert "error: cannot write no-such-folder/matches.png" in capsys.readouterr().err
+
+
 def test_a_free_camera_reaches_the_goal_in_the_room(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run("servo_in_room.py --model classical", monkeypatch) == 0
