@@ -13,6 +13,12 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.settings.config import ServiceConfig, load_config
 
+_EXPECTED = "a TOML file: [camera] with width, height, fx, fy, cx, cy"
+_REMEDY = (
+    "make one with dfvs-camera calibrate, or copy another program's numbers into one "
+    "(Cameras, An existing calibration)"
+)
+
 
 def write_calibration(path: Path, camera: CameraModel, remarks: Sequence[str]) -> None:
     """Write a calibration, complete or not at all, with remarks as comments.
@@ -42,13 +48,14 @@ def read_calibration(path: Path) -> CameraModel:
     ConfigError
         If it cannot be read or holds no intrinsics.
     """
-    camera = load_config(path, {}).camera.model()
-    if camera is None:
+    try:
+        camera = load_config(path, {}).camera.model()
+    except ConfigError as error:
         raise ConfigError(
-            f"{path} holds no calibration",
-            "[camera] with width, height, fx, fy, cx, cy",
-            "make one with dfvs-camera calibrate",
-        )
+            error.problem, error.expected or _EXPECTED, error.remedy or _REMEDY
+        ) from error
+    if camera is None:
+        raise ConfigError(f"{path} holds no calibration", _EXPECTED, _REMEDY)
     return camera
 
 

@@ -50,6 +50,17 @@ def test_a_file_without_intrinsics_is_refused(tmp_path):
         read_calibration(tmp_path / "x.toml")
 
 
+@pytest.mark.parametrize("text", ["image_width: 640\n", '<?xml version="1.0"?>\n'])
+def test_a_calibration_of_another_program_is_refused_with_what_is_expected(tmp_path, text):
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read_calibration(path)
+    assert "camera.yaml is not TOML" in caught.value.problem
+    assert "[camera] with width, height, fx, fy, cx, cy" in caught.value.expected
+    assert "dfvs-camera calibrate" in caught.value.remedy
+
+
 def test_a_folder_that_is_not_there_leaves_nothing(tmp_path):
     with pytest.raises(ConfigError, match="cannot be written"):
         write_calibration(tmp_path / "no" / "camera.toml", CAMERA, [])
