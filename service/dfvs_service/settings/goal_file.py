@@ -16,6 +16,9 @@ _SIDECAR = "JSON as dfvs-camera goal writes it"
 def read_image(path: str | Path) -> ImageArray:
     """Read a PNG or JPEG file to (H, W, 3) uint8 RGB.
 
+    EXIF orientation is not applied: pixels stay as the sensor had them, in its intrinsics' axes.
+    Turn the pixels beforehand where they are to stand upright.
+
     Raises
     ------
     ImageError
