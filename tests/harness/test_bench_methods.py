@@ -153,6 +153,15 @@ def test_the_siamese_network_ends_at_the_goal_before_a_plane(room):
     assert trial.final.angle_rad < np.radians(1.0)
 
 
+def test_the_network_on_stacked_images_ends_at_the_goal_from_near(room):
+    """Its authors' setting: a start on the way to the goal."""
+    network = METHODS["saxena"].load(str(ASSETS / "saxena"))
+    trial = servo(room, "saxena", task(0.4, 5, LARGE), 60, pose=network.pose)
+    assert trial.steps[0].distance_m > 0.3
+    assert trial.final.distance_m < 0.04
+    assert trial.final.angle_rad < np.radians(1.0)
+
+
 def test_the_published_law_nears_the_goal_slowly(room):
     trial = servo(room, "published", task(0.2, 4), 40)
     first, last = trial.steps[0], trial.final

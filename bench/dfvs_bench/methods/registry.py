@@ -90,11 +90,11 @@ METHODS: dict[str, MethodKind] = {
         pnp.ITERATIONS,
     ),
     "saxena": _regression(
-        "saxena", "position-based servoing on a pose that a network regresses, after Saxena et al."
+        "saxena",
+        "position-based servoing on a pose that a network regresses, after Saxena et al., scaled by"
+        " the true depth at the goal",
     ),
-    "bateux": _regression(
-        "bateux", "the same after Bateux et al., scaled by the true depth at the goal"
-    ),
+    "bateux": _regression("bateux", "the same after Bateux et al."),
 }
 """Methods by name, ours first."""
 
