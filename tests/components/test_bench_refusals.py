@@ -99,7 +99,7 @@ def folder(tmp_path, monkeypatch):
         ("table1", "--tasks damaged.json", "half.glb"),
         ("table1", "--perturb fog", "there is no perturbation 'fog'"),
         ("table1", "--methods fused-depth --depth-bundle nowhere", "there is no model"),
-        ("table1", "--methods saxena", "there is no model 'saxena'"),
+        ("table1", "--methods saxena --saxena-bundle nowhere", "there is no model 'nowhere'"),
     ],
 )
 def test_words_that_cannot_be_used_are_one_clear_line(folder, refused, command, words, said):
