@@ -23,6 +23,9 @@ _TOO_FEW = " a second, results "
 _BRAKED = (Reaction.HOLD, Reaction.ABORT, Reaction.EXIT)
 """Reactions that zero setpoints are part of; silence in their place lets the vehicle move on."""
 
+_MOVES = (S.SERVO, S.DONE)
+"""States in which the vehicle moves; in others zeros have been sent already, and silence may follow."""
+
 _HELD_AFTER = {S.ENGAGE: (S.ENGAGE, S.HOLD), S.SERVO: (S.HOLD,), S.DONE: (S.HOLD,)}
 """States that a fault that asks for HOLD may lead to; DONE holds the goal by vision."""
 
@@ -107,13 +110,13 @@ class Oracle:
 
 def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -> Outcome:
     """Tell whether the reaction was right and in time."""
-    must_brake = fault.reaction in _BRAKED and not fault.cuts_link
+    must_brake = fault.reaction in _BRAKED and not fault.cuts_link and state in _MOVES
     if fault.reaction is Reaction.ENDED:
         is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
         which = Reaction.RELEASED if is_released else Reaction.ABORT
         fault = dataclasses.replace(fault, reaction=which)
     reaction_ns, problem = _reaction(fault, state, t0_ns, seen)
-    if must_brake and state is not S.READY and not seen.ends_at_zero:
+    if must_brake and not seen.ends_at_zero:
         problem = problem or "the setpoints ended without a zero"
     problem = problem or _misnamed(fault, state, seen)
     reaction_ms = max(reaction_ns - t0_ns, 0) / MS if reaction_ns is not None else math.inf

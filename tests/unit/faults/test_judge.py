@@ -174,6 +174,12 @@ def test_silence_while_the_vehicle_moves_is_no_zero(reaction, state, last_ms):
     assert "without a zero" in verdict(reaction, dataclasses.replace(oracle, setpoints=[])).problem
 
 
+@pytest.mark.parametrize("state", [S.ENGAGE, S.HOLD])
+def test_silence_where_zeros_were_sent_already_lets_nothing_move(state):
+    oracle = seen(S.ABORT, transitions=[to(S.ABORT, 90)], setpoints=[])
+    assert verdict(Reaction.ABORT, oracle, state).passed
+
+
 def test_an_end_of_the_service_without_a_zero_fails():
     oracle = seen(S.ABORT, setpoints=setpoints(180, 180), is_running=False, mode_commands=HELD)
     assert "without a zero" in verdict(Reaction.EXIT, oracle, limit_ms=1000.0).problem
