@@ -24,7 +24,7 @@ _BRAKED = (Reaction.HOLD, Reaction.ABORT, Reaction.EXIT)
 """Reactions that zero setpoints are part of; silence in their place lets the vehicle move on."""
 
 _MOVES = (S.SERVO, S.DONE)
-"""States in which the vehicle moves; in others zeros have been sent already, and silence may follow."""
+"""States in which the vehicle moves; in others zeros have been sent already."""
 
 _HELD_AFTER = {S.ENGAGE: (S.ENGAGE, S.HOLD), S.SERVO: (S.HOLD,), S.DONE: (S.HOLD,)}
 """States that a fault that asks for HOLD may lead to; DONE holds the goal by vision."""
