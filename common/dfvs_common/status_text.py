@@ -1,6 +1,7 @@
-"""Texts of an autopilot, as people read them."""
+"""Texts of and about autopilots, as people read them."""
 
 import unicodedata
+from collections.abc import Collection
 
 
 def plain_text(text: str) -> str:
@@ -10,3 +11,9 @@ def plain_text(text: str) -> str:
     """
     printable = (" " if unicodedata.category(letter) == "Cc" else letter for letter in text)
     return " ".join("".join(printable).split())
+
+
+def system_names(systems: Collection[int]) -> str:
+    """``system 3``, or ``systems 3 and 7``."""
+    *most, last = [str(system) for system in sorted(systems)]
+    return f"systems {', '.join(most)} and {last}" if most else f"system {last}"

@@ -21,13 +21,13 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 )
 from mavsdk.plugins.param.param import Param
 
-from dfvs_common.status_text import plain_text
+from dfvs_common.status_text import plain_text, system_names
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import AmbiguousLink, ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity, VelocityLimits
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
-from dfvs_service.gate.mavlink_systems import connect_autopilot, is_autopilot, system_names
+from dfvs_service.gate.mavlink_systems import connect_autopilot, is_autopilot
 from dfvs_service.gate.serial_device import (
     SerialDevice,
     SerialDeviceError,

@@ -1,13 +1,13 @@
 """MAVLink systems on a connection: opening it, and finding the autopilot to command."""
 
 import time
-from collections.abc import Collection
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.autopilot import Autopilot as AutopilotType
 from mavsdk.system import System
 from mavsdk.vehicle import Vehicle
 
+from dfvs_common.status_text import system_names
 from dfvs_core.errors import DfvsError
 
 _USUAL_SYSTEM_ID = 1
@@ -70,12 +70,6 @@ def is_autopilot(system: System) -> bool:
         or system.vehicle_type() is not Vehicle.GENERIC
     )
     return bool(system.has_autopilot()) and is_known
-
-
-def system_names(systems: Collection[int]) -> str:
-    """``system 3``, or ``systems 3 and 7``."""
-    *most, last = [str(system) for system in sorted(systems)]
-    return f"systems {', '.join(most)} and {last}" if most else f"system {last}"
 
 
 def _open(url: str, own_id: int) -> Mavsdk:

@@ -2,11 +2,11 @@
 
 import select
 import time
-from collections.abc import Collection
 from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_common.status_text import system_names
 from dfvs_core.errors import DfvsError
 from dfvs_sim.ground.udp import Endpoint
 
@@ -79,14 +79,6 @@ def is_autopilot_heartbeat(message: Any) -> bool:
         and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
         and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
     )
-
-
-def system_names(systems: Collection[int]) -> str:
-    """``system 3``, or ``systems 3 and 7``."""
-    numbers = [str(system) for system in sorted(systems)]
-    if len(numbers) == 1:
-        return f"system {numbers[0]}"
-    return f"systems {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
 def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:

@@ -1,7 +1,8 @@
 """One vehicle on both MAVLink links: its system id."""
 
+from dfvs_common.status_text import system_names
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
-from dfvs_sim.ground.systems import LinkError, listen_for_systems, system_names
+from dfvs_sim.ground.systems import LinkError, listen_for_systems
 from dfvs_sim.ground.udp import Endpoint
 
 _LISTENED = "udpin:"
