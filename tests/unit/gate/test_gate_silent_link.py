@@ -29,6 +29,15 @@ def restore_the_link(gate):
     v.sends_attitude = v.sends_position = v.sends_status = True
 
 
+def interrupt_the_link(gate, seconds, *, taken_over=False):
+    """Nothing comes down for so long; the pilot may take over meanwhile."""
+    lose_the_link(gate)
+    if taken_over:
+        take_over(gate)
+    gate.run(seconds)
+    restore_the_link(gate)
+
+
 def take_over(gate):
     """The pilot selects Position, and no message of it is received."""
     gate.vehicle.mode, gate.vehicle.obeys = VehicleMode.POSITION, False
@@ -81,10 +90,7 @@ def test_a_flight_that_ends_with_the_link_takes_nothing_from_a_pilot():
 def test_an_abort_right_after_a_short_silence_takes_nothing_from_a_pilot():
     gate = in_servo()
     gate.beat()
-    lose_the_link(gate)
-    take_over(gate)
-    gate.run(0.3)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.3, taken_over=True)
     gate.tick()
     gate.command(Action.ABORT)
     gate.run(0.5)
@@ -95,10 +101,7 @@ def test_an_abort_right_after_a_short_silence_takes_nothing_from_a_pilot():
 
 def test_engaging_takes_nothing_from_a_pilot():
     gate = in_engage()
-    lose_the_link(gate)
-    take_over(gate)
-    gate.run(0.44)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.44, taken_over=True)
     gate.run(0.3)
     gate.tell_mode(VehicleMode.POSITION)
     assert (gate.state, gate.last.cause) == (GateState.RELEASED, Cause.TAKEOVER)
@@ -139,9 +142,7 @@ def test_the_old_mode_in_the_socket_of_a_companion_that_stood_still_does_not_cou
 
 def test_offboard_is_requested_once_the_mode_is_known_again():
     gate = in_engage()
-    lose_the_link(gate)
-    gate.run(0.44)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.44)
     gate.run(0.5)
     assert (gate.state, gate.requests) == (GateState.ENGAGE, [])
     gate.tell_mode(VehicleMode.HOLD)
@@ -150,9 +151,7 @@ def test_offboard_is_requested_once_the_mode_is_known_again():
 
 def test_engaging_without_any_message_of_the_mode_ends_with_the_heartbeat():
     gate = in_engage()
-    lose_the_link(gate)
-    gate.run(0.44)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.44)
     gate.run(2.0)
     assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.HEARTBEAT_LOST)
     assert not gate.requests
@@ -160,9 +159,7 @@ def test_engaging_without_any_message_of_the_mode_ends_with_the_heartbeat():
 
 def test_hold_at_the_goal_is_requested_once_the_mode_is_known_again():
     gate = at_the_goal()
-    lose_the_link(gate)
-    gate.run(0.4)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.4)
     gate.run(0.3)
     assert (gate.state, gate.requests) == (GateState.DONE, [])
     gate.tell_mode(VehicleMode.OFFBOARD)
@@ -176,9 +173,7 @@ def test_hold_at_the_goal_is_requested_once_the_mode_is_known_again():
 def test_hold_at_the_goal_that_cannot_be_requested_within_two_seconds_is_an_abort():
     gate = at_the_goal()
     for _ in range(7):  # silences that follow each other: the mode is never known
-        lose_the_link(gate)
-        gate.run(0.24)
-        restore_the_link(gate)
+        interrupt_the_link(gate, 0.24)
         gate.tick()
         gate.beat()
     assert (gate.state, gate.requests) == (GateState.DONE, [])
@@ -237,9 +232,7 @@ def test_the_mode_counts_from_just_over_a_fifth_of_a_second_after_the_silence_on
 ):
     gate = in_servo()
     gate.beat()
-    lose_the_link(gate)
-    gate.run(0.3)
-    restore_the_link(gate)
+    interrupt_the_link(gate, 0.3)
     gate.tick()
     returned_ns = gate.now_ns
     gate.run(0.18)
