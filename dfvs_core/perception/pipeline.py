@@ -245,11 +245,12 @@ class Pipeline:
         """
         if self._task.config.depth not in ("motion", "fused"):
             return False
-        is_due = last.t_capture_ns - self._depth_ns >= DEPTH_PERIOD_NS
-        chosen = is_due and self._keyframes.for_depth(
+        if last.t_capture_ns - self._depth_ns < DEPTH_PERIOD_NS:
+            return False
+        chosen = self._keyframes.for_depth(
             last.T_world_camera, self._depth_m, self._least_baseline_m
         )
-        if not chosen:
+        if chosen is None:
             return False
         self._depth_ns = last.t_capture_ns
         match = self._compare(last.features, last.T_world_camera, chosen)
