@@ -175,9 +175,9 @@ def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
     teacher = RouteRecorder(config, tmp_path, classical_matcher(), clocks, RouteRecordingLimits())
     for share in np.linspace(0.0, 1.0, 36):
         pilot.put(along(poses, share))
-        teacher.on_vehicle_states([pilot.state()])
+        teacher.on_vehicle_states([pilot.state()], on_ground=False)
         pilot.now_ns += 50_000_000
-        teacher.on_vehicle_states([pilot.state()])
+        teacher.on_vehicle_states([pilot.state()], on_ground=False)
         event = teacher.process(pilot.sample())
         assert event is not Event.LOST
     assert teacher.finish() or event is Event.SAVED

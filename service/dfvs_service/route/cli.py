@@ -84,7 +84,7 @@ def _record_route(config: ServiceConfig, folder: Path, limits: RouteRecordingLim
         progress = RouteProgress(frames.key, _log, time.monotonic)
         while not stop.is_set():
             sample = frames.receive_sample(_RECEIVE_S)
-            recorder.on_vehicle_states(listener.new_states())
+            recorder.on_vehicle_states(listener.new_states(), on_ground=listener.on_ground)
             if sample is None:
                 progress.on_silence()
             else:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,6 +25,9 @@ from dfvs_service.settings.config import ServiceConfig
 
 _ROUTE_RECORDING = "ROUTE_RECORDING"
 """Not a state of the gate: the vehicle follows its pilot, and no progress is asked for."""
+
+_LEAST_HEIGHT_M = 0.5
+"""Above the last place on the ground: a route's goals do not lead down to it."""
 
 
 class Event(enum.Enum):
@@ -67,20 +71,29 @@ class RouteRecorder:
         self._last: Frame | None = None
         self._full_overlap = 0.0
         self._validator_state = GuardState()
+        self._ground_down_m = math.inf
+        self._height_m = math.inf
         self.count = 0
         self.refusal = ""
         """Why the last frame was not used, empty where it was."""
 
-    def on_vehicle_states(self, states: Sequence[VehicleState]) -> None:
-        """Update by a state of the vehicle."""
+    def on_vehicle_states(self, states: Sequence[VehicleState], *, on_ground: bool | None) -> None:
+        """Update by states of the vehicle, and by whether it stands on the ground, if known."""
         for state in states:
             self._history.add(state)
+            down_m = state.position_m[2]
+            if on_ground:
+                self._ground_down_m = down_m
+            self._height_m = 0.0 if on_ground is None else self._ground_down_m - down_m
             if self._frame_processor is not None:
                 self._frame_processor.on_gate_status(GateStatus(_ROUTE_RECORDING, "", state))
 
     def process(self, sample: RawSample) -> Event:
         """Work on one frame."""
         self.refusal = ""
+        if self._height_m < _LEAST_HEIGHT_M:
+            self.refusal = f"the vehicle is not known to fly {_LEAST_HEIGHT_M} m above the ground"
+            return Event.NOTHING
         if self._frame_processor is None:
             return self._process_first(sample)
         processed = self._frame_processor.process(sample)

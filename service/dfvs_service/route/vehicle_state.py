@@ -4,7 +4,7 @@ import threading
 from collections import deque
 
 from dfvs_core.gate.events import VehicleEvent
-from dfvs_core.gate.vehicle import VehicleMonitor
+from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
 from dfvs_core.messages.link import VehicleState
 from dfvs_service.gate.status import vehicle_state
 
@@ -49,6 +49,12 @@ class VehicleStateListener:
             state = vehicle_state(self._vehicle)
             if state is not None and (not self._states or state.t_ns > self._states[-1].t_ns):
                 self._states.append(state)
+
+    @property
+    def on_ground(self) -> bool | None:
+        """Whether the autopilot reports the vehicle on the ground; None until it is known."""
+        landed = self._vehicle.landed
+        return None if landed.t_ns == NEVER else landed.on_ground
 
     def new_states(self) -> list[VehicleState]:
         """States since the last call, oldest first."""

@@ -40,10 +40,12 @@ class Rig:
         limits = RouteRecordingLimits(overlap=0.5, turn_rad=0.35)
         self.teacher = RouteRecorder(config, folder, KnowingMatcher(), clocks, limits)
         self.seq = 0
+        self.on_ground, self.height_m = False, 1.0
 
-    def state(self, yaw_deg):
-        rest = (0.0, 0.0, 0.0)
-        return VehicleState(self.now_ns, 0.02, -0.03, np.radians(yaw_deg), rest, rest)
+    def hear(self, yaw_deg):
+        rest, position = (0.0, 0.0, 0.0), (0.0, 0.0, -self.height_m)
+        state = VehicleState(self.now_ns, 0.02, -0.03, np.radians(yaw_deg), rest, position)
+        self.teacher.on_vehicle_states([state], on_ground=self.on_ground)
 
     def frame(self, yaw_deg, *, heard=True):
         return self.show(picture(yaw_deg), yaw_deg, heard=heard)
@@ -51,10 +53,10 @@ class Rig:
     def show(self, image, yaw_deg=10.0, *, heard=True, clock=CLOCK, damaged=False):
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.on_vehicle_states([self.state(yaw_deg)])
+            self.hear(yaw_deg)
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.on_vehicle_states([self.state(yaw_deg)])
+            self.hear(yaw_deg)
         self.seq += 1
         image[1, 1] = self.seq % 251
         frame = Frame(image, self.now_ns, self.seq)
@@ -149,6 +151,20 @@ def test_a_view_without_the_last_goal_is_lost_until_it_is_back(tmp_path):
     assert rig.frame(170.0) is Event.LOST
     assert rig.teacher.finish()
     assert headings(tmp_path) == [10.0, 14.0]
+
+
+def test_no_goal_is_taken_on_the_ground_or_close_above_it(tmp_path):
+    rig = Rig(tmp_path)
+    for yaw, on_ground, height_m in (
+        *((10.0, None, 0.1), (11.0, True, 0.1), (12.0, False, 0.1), (13.0, False, 0.5)),
+        *((14.0, False, 0.7), (24.0, False, 0.7), (34.0, False, 0.3), (44.0, True, 0.1)),
+    ):
+        rig.on_ground, rig.height_m = on_ground, height_m
+        for _ in range(2):
+            rig.frame(yaw)
+        assert ("above the ground" in rig.teacher.refusal) == (height_m < 0.6)
+    assert rig.teacher.finish()
+    assert headings(tmp_path) == [14.0, 24.0]
 
 
 def test_a_folder_with_a_route_in_it_is_refused(tmp_path):
