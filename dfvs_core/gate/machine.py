@@ -56,6 +56,7 @@ _NO_ENGAGE_IN = {
 
 _NO_HOLD_IN = {
     **dict.fromkeys((GateState.IDLE, *_WAITING), "nothing is flown yet, command abort to end this"),
+    GateState.DONE: "nothing moves at the goal until another one is sent",
     GateState.ABORT: "the flight is ended already",
     GateState.RELEASED: "the vehicle is not flown any more",
 }

@@ -166,7 +166,7 @@ def test_a_stop_gives_the_vehicle_to_hold():
 def test_the_operator_holds_at_the_goal_and_engages_again():
     gate = at_goal().run(0.5)
     output = gate.command(Action.HOLD)
-    assert output.setpoint == ZERO
+    assert (output.setpoint, output.refusal) == (ZERO, "")
     assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.OPERATOR_HOLD)
     gate.forget().run(10.0)
     assert gate.state is GateState.HOLD
@@ -176,13 +176,20 @@ def test_the_operator_holds_at_the_goal_and_engages_again():
     gate.until(GateState.DONE)
 
 
-def test_an_order_to_hold_where_zeros_are_sent_changes_nothing():
-    gate = at_goal(ZEROS)
-    gate.command(Action.HOLD)
+@pytest.mark.parametrize("on_done", [OnDone.ZERO, OnDone.HOLD])
+def test_a_command_to_hold_is_refused_where_nothing_moves_at_the_goal(on_done):
+    gate = at_goal(dataclasses.replace(ZEROS, on_done=on_done))
+    refusal = gate.command(Action.HOLD).refusal
+    assert refusal == "rejected: nothing moves at the goal until another one is sent"
     assert gate.state is GateState.DONE
+
+
+def test_a_command_to_hold_that_was_refused_at_the_goal_does_not_hold_the_next_flight():
+    gate = at_goal(ZEROS)
+    assert gate.command(Action.HOLD).refusal
     gate.follows_goal = True
     gate.command(Action.GOAL, GOAL)
-    gate.until(GateState.SERVO, 1.2)  # that order holds nothing
+    gate.until(GateState.SERVO, 1.2)
 
 
 def test_another_goal_is_flown_as_a_new_engagement():
