@@ -48,6 +48,7 @@ def test_the_command_line_wins_over_the_file(tmp_path):
         ("[gate]\nproof_s = 1\n", ["'gate.proof_s'", "'response_s'"]),
         ("[gate]\nproof_m_s = 0.1\n", ["'gate.proof_m_s'", "did you mean 'reduced_speed_m_s'"]),
         ("[limits]\nyaw_deg_s = 500\n", ["limits.yaw_deg_s = 500", "1 to 120"]),
+        ("[telemetry]\nstate_hz = 0.5\n", ["telemetry.state_hz = 0.5", "1 to 50"]),
         ("[limits]\nhorizontal_m_s = nan\n", ["a finite number"]),
         ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "float"]),
         ("[gate]\nengage = 'aut'\n", ["did you mean 'auto'"]),
