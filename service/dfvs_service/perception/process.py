@@ -43,6 +43,7 @@ from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
+from dfvs_service.settings.camera_difference import mount_difference
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -90,6 +91,7 @@ class PerceptionProcess:
         self._source = make_frame_source(config, self._clock)
         self._goal = goal = goals[0]
         camera = config.camera.model() or goal.sidecar.camera
+        self._flown = GoalSidecar(camera, mount=config.camera.mount or Mount())
         self._doubts = CameraDoubts(camera)
         is_dfvs_source = config.camera.source == "dfvs"
         self._rate_limiter = (
@@ -176,17 +178,16 @@ class PerceptionProcess:
     def _change_goal(self, digest: str, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Take the goal that the gate accepted; an unusable one is none, and reported."""
         self._goal_digest, self._goal_flaw = digest, ""
-        settings = self._config.camera
-        camera = settings.model() or self._goal.sidecar.camera
-        flown = GoalSidecar(camera, mount=settings.mount or Mount())
         try:
             command = GoalCommand.from_bytes(self._new_goals.pop(digest))
-            self._goal = commanded_goal(command, flown)
+            self._goal = commanded_goal(command, self._flown)
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
+        if difference := mount_difference(self._flown.mount, self._goal.sidecar.mount):
+            log.warning("%s", difference)
         pipeline = self._frame_processor.pipeline
         pipeline.set_goal(servo_task(self._config, self._goal), pipeline.prepare(self._goal))
         self._publish_goal(telemetry, publisher)

@@ -8,6 +8,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
+from dfvs_service.settings.camera_difference import calibration_difference
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _SIDECAR = "JSON as dfvs-camera goal writes it"
@@ -166,15 +167,12 @@ def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
     Raises
     ------
     ImageError
-        If the image cannot be read, or is not of the flying camera's size.
+        If the image cannot be read, or is not of its camera's size.
     ConfigError
-        If the sidecar cannot be used.
+        If the sidecar cannot be used, or is of another camera than the one that flies.
     """
     image = decode_image(command.image)
     sidecar = GoalSidecar.from_json(command.sidecar, flown) if command.sidecar else flown
-    if sidecar.camera.size != flown.camera.size:
-        raise ImageError(
-            f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",
-            f"{flown.camera.width} x {flown.camera.height} px, the size of the camera that flies",
-        )
+    if difference := calibration_difference(flown.camera, sidecar.camera):
+        raise ConfigError(difference, "a goal of the camera that flies, with its calibration")
     return checked_goal(Path("new goal"), image, sidecar)

@@ -10,7 +10,9 @@ from dfvs_core.messages.schema import setting
 class TelemetrySection:
     """What the service publishes."""
 
-    state_hz: float = setting(10.0, "rate of the state; every command waits for one", low=1.0, high=50.0)
+    state_hz: float = setting(
+        10.0, "rate of the state; every command waits for one", low=1.0, high=50.0
+    )
     preview_hz: float = setting(5.0, "rate of the preview image; 0: none", low=0.0, high=30.0)
     preview_quality: int = setting(70, "JPEG quality of the preview", low=1, high=100)
     flow_hz: float = setting(

@@ -119,6 +119,12 @@ def test_what_cannot_be_flown_to_is_an_error(order):
         commanded_goal(order, FLOWN)
 
 
+def test_a_new_goal_of_another_lens_is_an_error():
+    other = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 0.9))
+    with pytest.raises(ConfigError, match="focal length"):
+        commanded_goal(GoalCommand(png(), other.to_json()), FLOWN)
+
+
 def test_a_picture_is_sent_as_it_is_on_disk(tmp_path):
     path = tmp_path / "b.png"
     path.write_bytes(png())
