@@ -68,7 +68,7 @@ class RouteRecorder:
         self._limits = limits
         self._history = VehicleHistory()
         self._frame_processor: FrameProcessor | None = None
-        self._last: Frame | None = None
+        self._last: Goal | None = None
         self._full_overlap = 0.0
         self._validator_state = GuardState()
         self._ground_down_m = math.inf
@@ -105,10 +105,8 @@ class RouteRecorder:
         decision = evaluate(result, self._limits, self._full_overlap)
         if decision is KeyframeDecision.LOST:
             return Event.LOST
-        self._last = processed.frame
-        if decision is KeyframeDecision.DUE and self._save(processed.frame):
-            return Event.SAVED
-        return Event.NOTHING
+        self._last = self._goal_of(processed.frame)
+        return self._save_last() if decision is KeyframeDecision.DUE else Event.NOTHING
 
     def _process_first(self, sample: RawSample) -> Event:
         """Save the first frame that is as right as all others have to be."""
@@ -125,26 +123,30 @@ class RouteRecorder:
         self._validator_state, frame = admission.state, admission.frame
         if frame is None:
             self.refusal = admission.reason
-        elif self._save(frame):
-            return Event.SAVED
-        else:
-            self.refusal = UNKNOWN_ATTITUDE
-        return Event.NOTHING
+            return Event.NOTHING
+        self._last = self._goal_of(frame)
+        self.refusal = UNKNOWN_ATTITUDE if self._last is None else ""
+        return self._save_last()
 
     def finish(self) -> bool:
         """Save the last view in which the route was not lost; returns whether there was one."""
-        return self._last is not None and self._save(self._last)
+        return self._save_last() is Event.SAVED
 
-    def _save(self, frame: Frame) -> bool:
-        """Save a frame as the next goal, if the vehicle's attitude then is known."""
+    def _goal_of(self, frame: Frame) -> Goal | None:
+        """Goal from a frame, None where the vehicle's attitude then is not known."""
         motion = self._history.at(frame.t_capture_ns)
         camera = self._config.camera.model()
         if motion is None or camera is None:
-            return False
-        sidecar = sidecar_of(camera, self._config.camera.mount or Mount(), motion)
+            return None
+        return Goal(frame.image, sidecar_of(camera, self._config.camera.mount or Mount(), motion))
+
+    def _save_last(self) -> Event:
+        """Save the last view as the next goal, where there is one."""
+        goal = self._last
+        if goal is None:
+            return Event.NOTHING
         self.count += 1
-        write_goal(self._folder / f"{self.count:03d}.png", frame.image, sidecar)
-        goal = Goal(frame.image, sidecar)
+        write_goal(self._folder / f"{self.count:03d}.png", goal.image, goal.sidecar)
         if self._frame_processor is None:
             self._frame_processor = build_frame_processor(
                 self._config, goal, self._matcher, self._clocks
@@ -153,7 +155,7 @@ class RouteRecorder:
             pipeline = self._frame_processor.pipeline
             pipeline.set_goal(servo_task(self._config, goal), pipeline.prepare(goal))
         self._last, self._full_overlap = None, 0.0
-        return True
+        return Event.SAVED
 
 
 def prepare_route_folder(folder: Path) -> None:

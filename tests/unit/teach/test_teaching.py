@@ -167,6 +167,16 @@ def test_no_goal_is_taken_on_the_ground_or_close_above_it(tmp_path):
     assert headings(tmp_path) == [14.0, 24.0]
 
 
+def test_the_last_goal_is_saved_however_long_the_route_is_out_of_sight_by_then(tmp_path):
+    rig = Rig(tmp_path)
+    for yaw in (10.0, 14.0):
+        rig.frame(yaw)
+    for _ in range(60):
+        assert rig.frame(170.0) is Event.LOST
+    assert rig.teacher.finish()
+    assert headings(tmp_path) == [10.0, 14.0]
+
+
 def test_a_folder_with_a_route_in_it_is_refused(tmp_path):
     prepare_route_folder(tmp_path / "new")
     write_goal(tmp_path / "new" / "001.png", picture(1.0), sidecar_of(CAMERA, Mount(), None))
