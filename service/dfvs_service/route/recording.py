@@ -100,6 +100,8 @@ class RouteRecorder:
         if processed.frame is None or processed.frame_result is None:
             self.refusal = processed.report.reason
             return Event.NOTHING
+        if processed.frame_result.is_coasting:
+            return Event.NOTHING
         result = processed.frame_result.result
         self._full_overlap = max(self._full_overlap, result.overlap)
         decision = evaluate(result, self._limits, self._full_overlap)

@@ -167,6 +167,16 @@ def test_no_goal_is_taken_on_the_ground_or_close_above_it(tmp_path):
     assert headings(tmp_path) == [14.0, 24.0]
 
 
+def test_one_frame_that_is_not_tracked_is_not_out_of_sight(tmp_path, monkeypatch):
+    rig = Rig(tmp_path)
+    for _ in range(5):
+        rig.frame(10.0)
+    with monkeypatch.context() as untracked:
+        untracked.setattr(KnowingMatcher, "track", lambda *_: None)
+        assert rig.frame(12.0) is Event.NOTHING
+    assert rig.frame(12.0) is Event.NOTHING
+
+
 def test_the_last_goal_is_saved_however_long_the_route_is_out_of_sight_by_then(tmp_path):
     rig = Rig(tmp_path)
     for yaw in (10.0, 14.0):
