@@ -44,6 +44,14 @@ def known_camera(config: ServiceConfig) -> CameraModel:
         If neither tells it.
     """
     camera = with_calibration(config).camera.model() or await_camera(config, open_beside)
+    wait_s = config.camera.announced_s
+    if camera is None and wait_s > 0:
+        key = make_frame_source(config, local_clock()).calibration_key
+        raise ConfigError(
+            f"no camera announced its calibration on {key} within {wait_s:g} s",
+            "one that runs and is calibrated, or a calibration in the settings' [camera] section",
+            "make one with dfvs-camera calibrate",
+        )
     if camera is None:
         raise ConfigError(
             "nothing is known of the camera's lens",

@@ -7,10 +7,11 @@ from loopback import peer
 from ros2_samples import info_message
 from test_camera_process import CAMERA, TOPICS
 
-from dfvs_core.errors import WireError
+from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.perception.announced import await_camera
+from dfvs_service.route.frame_queue import known_camera
 from dfvs_service.settings.config import load_config
 
 
@@ -41,6 +42,12 @@ def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
 def test_silence_is_none(endpoint):
     assert await_camera(config(endpoint, announced_s=0.2)) is None
     assert await_camera(config(endpoint, announced_s=0.0)) is None
+
+
+def test_where_announcements_were_awaited_silence_is_what_is_said(endpoint):
+    silent = config(endpoint, announced_s=0.2)
+    with pytest.raises(ConfigError, match=r"no camera announced .* within 0\.2 s"):
+        known_camera(silent)
 
 
 def ros2_driver(session, endpoint, info):
