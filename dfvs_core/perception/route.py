@@ -77,11 +77,14 @@ def on_paused_result(
     return on_result(shifted, limits, result, t_ns, engaged=engaged_ns is not None)
 
 
+def _is_response_checked(state: RouteState, t_ns: int) -> bool:
+    """Whether the gate's initial-response check may go on."""
+    return state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS
+
+
 def wants_preview(state: RouteState, t_ns: int) -> bool:
     """Whether it is time to look for the next goal."""
-    if state.near_since_ns is None:
-        return False
-    if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS:
+    if state.near_since_ns is None or _is_response_checked(state, t_ns):
         return False
     return state.previewed_ns is None or t_ns - state.previewed_ns >= PREVIEW_PERIOD_NS
 
@@ -92,9 +95,9 @@ def on_preview(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns:
     return replace(state, previewed_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
 
 
-def may_go_on(state: RouteState) -> bool:
+def may_go_on(state: RouteState, t_ns: int) -> bool:
     """Whether the next goal takes the place of this one."""
-    return state.seen >= IN_SIGHT_PREVIEWS
+    return state.seen >= IN_SIGHT_PREVIEWS and not _is_response_checked(state, t_ns)
 
 
 def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:

@@ -1,5 +1,7 @@
 """When a goal on the way gives place to the next one."""
 
+from dataclasses import replace
+
 import pytest
 from still_pipeline import servo_result
 
@@ -56,12 +58,21 @@ def test_before_the_vehicle_is_engaged_a_goal_may_be_passed_at_once():
 
 def test_a_goal_in_sight_twice_in_a_row_takes_over():
     state = on_preview(near(), LIMITS, NEAR, LATER)
-    assert not may_go_on(state)
+    assert not may_go_on(state, LATER)
     hidden = servo_result(overlap=0.19)
-    assert not may_go_on(on_preview(on_preview(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER))
+    again = on_preview(on_preview(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER)
+    assert not may_go_on(again, LATER)
     unsure = servo_result(status=Status.DEGENERATE)
-    assert not may_go_on(on_preview(on_preview(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER))
-    assert may_go_on(on_preview(state, LIMITS, NEAR, LATER))
+    again = on_preview(on_preview(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER)
+    assert not may_go_on(again, LATER)
+    assert may_go_on(on_preview(state, LIMITS, NEAR, LATER), LATER)
+
+
+def test_a_goal_that_came_in_sight_before_servo_waits_for_the_initial_response_check():
+    state = on_preview(on_preview(near(), LIMITS, NEAR, LATER), LIMITS, NEAR, LATER)
+    state = on_result(replace(state, engaged_since_ns=None), LIMITS, NEAR, LATER, engaged=True)
+    assert not may_go_on(state, LATER + RESPONSE_NS - 1)
+    assert may_go_on(state, LATER + RESPONSE_NS)
 
 
 def test_a_step_away_from_the_goal_begins_the_count_anew():

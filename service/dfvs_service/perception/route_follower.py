@@ -102,7 +102,7 @@ class RouteFollower:
             return False
         preview, self._evaluation = self._evaluation.result(), None
         self._state = on_preview(self._state, self._limits, preview.result, t_ns)
-        if self._ahead is None or not may_go_on(self._state):
+        if self._ahead is None or not may_go_on(self._state, t_ns):
             return False
         pipeline.set_goal(*self._ahead, preview.observation)
         self.index += 1

@@ -200,6 +200,26 @@ def test_frames_do_not_wait_for_a_look_and_one_look_is_taken_at_a_time():
     assert rig.route.index == 1
 
 
+def test_a_preview_that_began_before_servo_changes_no_goal_in_the_initial_response_check():
+    rig, workers = Rig(), Later()
+    rig.route = RouteFollower(rig.config, rig.goals, workers)
+    rig.state = "ENGAGE"
+    for seconds in (0.6, 0.4):
+        rig.stay(40.0, seconds)
+        if seconds > 0.5:
+            workers.work()
+    assert workers.waiting  # the second preview, which would change the goal
+    rig.state = "SERVO"
+    rig.stay(40.0, 0.3)
+    workers.work()
+    rig.stay(40.0, 5.0)
+    assert rig.route.index == 0
+    rig.stay(40.0, 1.0)
+    workers.work()
+    rig.frame(40.0)
+    assert rig.route.index == 1
+
+
 def test_a_preview_is_the_same_whenever_it_is_worked_out():
     """A replay works it out when the goal changes, from the frame of that capture time."""
     rig = Rig()
