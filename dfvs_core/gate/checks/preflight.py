@@ -82,7 +82,10 @@ _PARAMETERS = f"{_ADVISED}, speed limits no lower than those of the settings"
 _WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 _SLOW = "raise the camera's rate, or lower flow.working_width_px"
-_GOAL = "move to where the goal is in view, or take another goal image"
+_GOAL = (
+    "move to where the goal is in view, or take another goal image; goals of a route stay passed "
+    "until the service starts anew"
+)
 _MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 _COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 

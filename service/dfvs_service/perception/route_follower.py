@@ -66,7 +66,11 @@ class RouteFollower:
         return self.index == len(self._goals) - 1
 
     def amend(self, report: PerceptionReport) -> PerceptionReport:
-        """Report for the gate: only the last goal is ever reached."""
+        """Report for the gate: only the last goal is ever reached, and goals stay passed."""
+        if self.index and not report.healthy:
+            place = f"goal {self.index + 1} of the route's {self.count}"
+            reason = f"{report.reason} ({place}; a new start of the service begins at the first)"
+            report = dataclasses.replace(report, reason=reason)
         if self.is_last:
             return report
         if self._is_lost:

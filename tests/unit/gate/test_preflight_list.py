@@ -41,7 +41,10 @@ PARAMETERS = f"{ADVISED_PARAMETERS}, speed limits no lower than those of the set
 WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 SLOW = "raise the camera's rate, or lower flow.working_width_px"
-GOAL = "move to where the goal is in view, or take another goal image"
+GOAL = (
+    "move to where the goal is in view, or take another goal image; goals of a route stay passed "
+    "until the service starts anew"
+)
 MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 LOST = "goal lost, perception unhealthy: wrong goal"
