@@ -9,7 +9,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_service.flights.records import FlightSummary
 from dfvs_service.page.charts import TimeLine
-from dfvs_service.report.series import FlightSeries
+from dfvs_service.report.series import FlightSeries, Span
 
 BLACK_BOX, RECORDING = "black box", "recording"
 """Sources of a flight."""
@@ -58,14 +58,22 @@ class Flight:
     goals: tuple[tuple[float, ImageArray], ...]
 
     @property
-    def flown(self) -> tuple[float, float]:
-        """When the vehicle was engaged and when it was handed back; the last minute where never."""
-        states, end_s = self.summary.states, self.summary.duration_s
-        engaged = [i for i, change in enumerate(states) if change.state in _ENGAGED]
-        if not engaged:
-            return max(end_s - _NEVER_ENGAGED_S, 0.0), end_s
-        after = states[engaged[-1] + 1 :]
-        return states[engaged[0]].t_s, after[0].t_s if after else end_s
+    def engagements(self) -> tuple[Span, ...]:
+        """From when to when the vehicle was engaged, each time; the last minute where never."""
+        end_s, spans, since_s = self.summary.duration_s, [], None
+        changes = [(change.t_s, change.state in _ENGAGED) for change in self.summary.states]
+        for t_s, is_engaged in (*changes, (end_s, False)):
+            if is_engaged and since_s is None:
+                since_s = t_s
+            elif not is_engaged and since_s is not None:
+                spans.append((since_s, t_s))
+                since_s = None
+        return tuple(spans) or ((max(end_s - _NEVER_ENGAGED_S, 0.0), end_s),)
+
+    @property
+    def flown(self) -> Span:
+        """From the first to the last moment in which the vehicle was engaged."""
+        return self.engagements[0][0], self.engagements[-1][1]
 
     @property
     def line(self) -> TimeLine:

@@ -12,7 +12,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Page, Table, Video, View, render
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
-from dfvs_service.report.series import Fault, FlightSeries
+from dfvs_service.report.series import Fault, FlightSeries, values_in
 from dfvs_service.report.thumbnails import collect
 from dfvs_service.report.video import VideoWriter
 
@@ -120,8 +120,9 @@ def _facts(flight: Flight) -> tuple[tuple[str, str], ...]:
 
 def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
     """Numbers of the time in which the vehicle was engaged, as far as they are known."""
-    series, (from_s, to_s) = flight.series, flight.flown
-    figures = [("time under control", f"{to_s - from_s:.1f} s")]
+    series, spans = flight.series, flight.engagements
+    which = ", last engagement" if len(spans) > 1 else ""
+    figures = [("time under control", f"{sum(to_s - from_s for from_s, to_s in spans):.1f} s")]
     if not any(change.state == "ENGAGE" for change in flight.summary.states):
         figures = [("time under control", "none")]
     for name, samples, form, unit in (
@@ -130,11 +131,10 @@ def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
         ("distance to the goal, true", series.true_m, ".3f", "m"),
         ("angle to the goal, true", series.true_deg, ".1f", "°"),
     ):
-        known = [v for t, v in samples if from_s <= t <= to_s and math.isfinite(v)]
+        known = values_in(samples, spans[-1:])
         if known:
-            figures.append((name, f"{known[0]:{form}} → {known[-1]:{form}} {unit}"))
-    latency = [v for t, v in series.latency_ms if from_s <= t <= to_s and math.isfinite(v)]
-    if latency:
+            figures.append((name + which, f"{known[0]:{form}} → {known[-1]:{form}} {unit}"))
+    if latency := values_in(series.latency_ms, spans):
         p50, p99 = np.percentile(latency, [50, 99])
         figures.append(("capture to command, median and p99", f"{p50:.0f} / {p99:.0f} ms"))
     return tuple(figures)
@@ -245,7 +245,7 @@ def _faults(flight: Flight) -> Table:
 def _timing(flight: Flight) -> Table:
     rows = tuple(
         (name.replace("_", " "), f"{p50:.1f}", f"{p99:.1f}")
-        for name, (p50, p99) in flight.series.stage_percentiles(*flight.flown).items()
+        for name, (p50, p99) in flight.series.stage_percentiles(flight.engagements).items()
     )
     head = ("stage", "p50, ms", "p99, ms")
     return Table("Time of each stage", head, rows, head[1:], "Nothing was recorded.")

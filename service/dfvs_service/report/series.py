@@ -3,7 +3,7 @@
 import bisect
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,8 @@ from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.page.charts import Interval, Samples
 
 Vector = tuple[float, float, float]
+Span = tuple[float, float]
+"""First and last time, s."""
 
 _GAP_S = 0.5
 """A longer time between two samples interrupts a curve."""
@@ -57,15 +59,20 @@ class FlightSeries:
     stages_ms: dict[str, Samples] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
 
-    def stage_percentiles(self, from_s: float, to_s: float) -> dict[str, tuple[float, float]]:
-        """Median and 99th percentile of every stage in a span of time, ms."""
+    def stage_percentiles(self, spans: Sequence[Span]) -> dict[str, tuple[float, float]]:
+        """Median and 99th percentile of every stage in some spans of time, ms."""
         found = {}
         for name, samples in self.stages_ms.items():
-            values = [v for t, v in samples if from_s <= t <= to_s and math.isfinite(v)]
+            values = values_in(samples, spans)
             if values:
                 p50, p99 = np.percentile(values, [50, 99])
                 found[name] = (float(p50), float(p99))
         return found
+
+
+def values_in(samples: Samples, spans: Sequence[Span]) -> list[float]:
+    """Values in some spans of time, without NaN."""
+    return [v for t, v in samples if math.isfinite(v) and any(a <= t <= b for a, b in spans)]
 
 
 def value_at(samples: Samples, t_s: float) -> float:

@@ -1,0 +1,49 @@
+"""Figures of a flight that was engaged more than once."""
+
+import pytest
+
+from dfvs_service.flights.records import FlightSummary, StateChange
+from dfvs_service.report.flight import BLACK_BOX, Flight
+from dfvs_service.report.flight_page import make_report
+from dfvs_service.report.series import FlightSeries
+
+FLOWN = ((0, "READY"), (5, "ENGAGE"), (6, "SERVO"), (20, "DONE"), (25, "RELEASED"))
+
+
+class Source:
+    """Records of a flight, without a view."""
+
+    name, video_rate_hz, note = "f", 10, ""
+
+    def views(self):
+        return iter(())
+
+
+@pytest.fixture
+def flight():
+    """Two flights of 20 s, two hours apart; by hand, frames are late and far from the goal."""
+    states = [StateChange(t_s + s, state, "", "") for t_s in (60.0, 7200.0) for s, state in FLOWN]
+    summary = FlightSummary("f", "", "", "", 7400.0, "ended", 0, "", tuple(states), (), "", 1)
+    series = FlightSeries()
+    for t_s, error_m, late_ms in (
+        *((65.0, 9.0, 50.0), (85.0, 8.0, 50.0), (4000.0, 5.0, 999.0)),
+        *((7205.0, 2.0, 50.0), (7225.0, 0.1, 50.0)),
+    ):
+        series.error_m.append((t_s, error_m))
+        series.latency_ms.append((t_s, late_ms))
+        series.stages_ms.setdefault("match", []).append((t_s, late_ms))
+    return Flight(summary, BLACK_BOX, 0, series, "{}", "", ())
+
+
+def test_time_between_two_engagements_is_not_under_control(flight, tmp_path):
+    assert flight.engagements == ((65.0, 85.0), (7205.0, 7225.0))
+    page = make_report(Source(), flight, tmp_path / "film.webm")
+    assert "40.0 s" in page
+    assert "50 / 50 ms" in page
+    assert "999.0" not in page
+
+
+def test_distances_are_those_of_the_last_engagement_and_say_so(flight, tmp_path):
+    page = make_report(Source(), flight, tmp_path / "film.webm")
+    assert "distance to the goal, estimated, last engagement" in page
+    assert "2.000 → 0.100 m" in page
