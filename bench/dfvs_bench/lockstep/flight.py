@@ -64,7 +64,7 @@ class SimulatedJob:
     matcher: str = EXACT
     timeout_s: float = 60.0
     hold_s: float = 5.0
-    mounted: Mount = Mount()
+    mounted: Mount = field(default_factory=Mount)
     limits: VelocityLimits = field(default_factory=VelocityLimits)
     depth: DepthChoice = "motion"
     depth_model: str = DEFAULT_DEPTH
