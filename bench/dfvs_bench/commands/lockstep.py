@@ -1,6 +1,7 @@
 """``dfvs-bench lockstep``: many flights in simulated time, faster than real time."""
 
 import argparse
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.messages.goal import Mount
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
@@ -59,8 +61,9 @@ def add_parser(subparsers: Any) -> None:
         type=float,
         default=0.0,
         metavar="DEG",
-        help="turn of the camera's mounting",
+        help="turn of the camera's mounting about the vertical",
     )
+    add("--upside-down", action="store_true", help="turn it by 180 degrees about its line of sight")
     add("--speed", type=float, default=_LIMITS.horizontal_m_s, metavar="M_S", help="speed limit")
     add("--slew", type=float, default=_LIMITS.slew_m_s2, metavar="M_S2", help="limit of its change")
     add("--hold", type=float, default=5.0, metavar="S", help="hold the goal by vision so long")
@@ -128,6 +131,8 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
     vehicle.add_options(parser)
     config = vehicle.config_from_args(parser.parse_args(conditions.words)).vehicle
     scene = Path(args.scene) if args.scene else builtin_room_path()
+    roll_rad = math.pi if args.upside_down else 0.0
+    mounted = Mount(roll_rad=roll_rad, yaw_rad=math.radians(args.mounted_deg))
     return [
         SimulatedJob(
             seed=seed,
@@ -136,7 +141,7 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
             matcher=args.matcher,
             timeout_s=args.timeout,
             hold_s=args.hold,
-            mounted_deg=args.mounted_deg,
+            mounted=mounted,
             limits=limits,
             depth=args.depth,
             depth_model=args.depth_bundle,

@@ -50,8 +50,8 @@ Render = Callable[[FloatArray], ImageArray]
 class SimulatedJob:
     """One flight of a run; picklable.
 
-    ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted_deg`` is how far about
-    the vertical the camera is mounted from what the settings say. A flight without an end is given
+    ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted`` is how the camera
+    truly sits; the settings say ahead and level. A flight without an end is given
     up ``timeout_s`` after the start; one that has ended is watched for ``hold_s`` more, in which
     the goal is held after DONE. ``limits`` are the gate's, whose horizontal speed the servo law
     takes too. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need. The
@@ -64,7 +64,7 @@ class SimulatedJob:
     matcher: str = EXACT
     timeout_s: float = 60.0
     hold_s: float = 5.0
-    mounted_deg: float = 0.0
+    mounted: Mount = field(default_factory=Mount)
     limits: VelocityLimits = field(default_factory=VelocityLimits)
     depth: DepthChoice = "motion"
     depth_model: str = DEFAULT_DEPTH
@@ -128,7 +128,7 @@ class LockstepFlight:
     ) -> None:
         self._job, self._task, self._render = job, task, render
         self._vehicle = HoveringVehicle(job.vehicle, np.random.default_rng(job.seed), job.height_m)
-        self._T_body_camera = Mount(yaw_rad=math.radians(job.mounted_deg)).T_body_camera()
+        self._T_body_camera = job.mounted.T_body_camera()
         self._T_scene_local = self._anchor()
         sidecar = GoalSidecar(CAMERA)
         servo = ServoConfig(depth=job.depth, max_horizontal_m_s=job.limits.horizontal_m_s)

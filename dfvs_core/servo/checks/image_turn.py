@@ -68,16 +68,18 @@ def point_tracks(
     """
     before, now = samples
     camera, goal_camera = cameras
-    stride = float(now.pixels[0, 1, 0] - now.pixels[0, 0, 0])
     g_before, g_now = (goal_camera.normalise(s.pixels + s.flow) for s in samples)
     mean = 0.5 * (g_before + g_now)
-    by_x = np.gradient(mean, stride / camera.fx, axis=1)
-    by_y = np.gradient(mean, stride / camera.fy, axis=0)
-    slope = np.stack([by_x, by_y], axis=-1)
+    xy = camera.normalise(now.pixels)
+    slope = _by_cell(mean) @ np.linalg.inv(_by_cell(xy))
     confident = np.minimum(before.confidence, now.confidence) > min_confidence
     keep = _with_neighbours(confident) & _is_smooth(mean)
-    xy = camera.normalise(now.pixels)
     return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope[keep])
+
+
+def _by_cell(points: FloatArray) -> FloatArray:
+    """Change (h, w, 2, 2) of points (h, w, 2) for one cell of the grid to the right and down."""
+    return np.stack([np.gradient(points, axis=1), np.gradient(points, axis=0)], axis=-1)
 
 
 def _is_smooth(g: FloatArray) -> BoolArray:

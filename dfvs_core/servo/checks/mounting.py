@@ -1,10 +1,11 @@
 """Mounting check: rotation in the images against the gyroscopes.
 
 A vehicle tilts whenever it accelerates. A camera that is mounted another way round than the
-settings say sees that tilt about another axis. So the tilt increments of the images are regressed
-on those of the attitude, as complex numbers ``roll + i pitch``. The slope is 1 for a camera that is
-mounted as set, -1 for one that looks backwards, i or -i for one that looks aside. Neither position
-nor velocity estimate is needed.
+settings say sees that tilt about another axis. So the tilt increments of the images, roll and
+pitch, are regressed on those of the attitude. The slope (2, 2) is the identity for a camera that is
+mounted as set. It is a rotation for one that is turned about the vertical, as one that looks
+backwards. It has a sign turned for one that is upside down, or whose image is mirrored. Neither
+position nor velocity estimate is needed.
 
 Motion past the scene looks like a turn as well: nodding like rising, for one. So the images' turn
 is found together with their translation, and every increment counts by its own covariance. Both
@@ -41,21 +42,26 @@ _GYRO_NOISE_RAD = 2e-5
 _LEAST_INFORMATION = 4.0 * (_GYRO_NOISE_RAD / _LEAST_SPREAD_RAD) ** 2
 """Trace of the information in each frame below which there is not even that noise."""
 
-_RIGHT: FloatArray = np.array([1.0, 0.0])
-_WRONG: tuple[FloatArray, ...] = tuple(
-    np.array([math.cos(a), math.sin(a)]) for a in np.radians(np.arange(75.0, 286.0, 5.0))
+_RIGHT: FloatArray = np.array([1.0, 0.0, 0.0, 1.0])
+_WRONG: tuple[FloatArray, ...] = (
+    *(
+        np.array([math.cos(a), -math.sin(a), math.sin(a), math.cos(a)])
+        for a in np.radians(np.arange(75.0, 286.0, 5.0))
+    ),
+    np.array([1.0, 0.0, 0.0, -1.0]),
+    np.array([-1.0, 0.0, 0.0, 1.0]),
 )
-"""Slopes of the mounting that the settings say, and of those turned about the vertical."""
+"""Slopes, row by row: as the settings say; turned about the vertical, or with a sign turned."""
 
 _LEAST_MISFIT = 0.5
 """Least variance of the increments over what is stated for them: a few frames may fit too well."""
 
-_MOST_OFF = 0.5
-"""Distance from all of these at which a slope fits none: the images or the attitude are poor."""
+_MOST_OFF = 0.25
+"""Distance from both, as a share of that between the two, at which a slope fits neither."""
 
 _PROBE_NS = 500_000_000
 _PROBE_M_S = 0.3
-"""Time and speed of each motion to the side while the mounting is undecided."""
+"""Time, and speed about either axis, of each motion while the mounting is undecided."""
 
 MOST_SCORE = 99.0
 """Bound of the score."""
@@ -67,7 +73,7 @@ class MountingState:
 
     ``R_world_body`` (3, 3) is of the last frame, taken at ``t_ns``. ``slow`` (2, 2) holds the
     low-passed tilt increments of gyroscopes and images, which the high-pass takes off. The slope
-    (2,) solves ``information @ slope = vector``; ``square`` is the images' own part.
+    (4,), row by row, solves ``information @ slope = vector``; ``square`` is the images' own part.
     """
 
     t_ns: int
@@ -81,7 +87,7 @@ class MountingState:
 
 def begin_mounting(t_ns: int, R_world_body: FloatArray) -> MountingState:
     """State that knows nothing, at a first frame."""
-    return MountingState(t_ns, R_world_body, np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2))
+    return MountingState(t_ns, R_world_body, np.zeros((2, 2)), np.zeros((4, 4)), np.zeros(4))
 
 
 def follow_mounting(
@@ -112,8 +118,7 @@ def follow_mounting(
     gyro, image = gyro - slow[0], image - slow[1]
     covariance = (R_body_camera @ turn.covariance @ R_body_camera.T)[:2, :2]
     weight = np.linalg.inv(covariance + np.eye(2) * _LEAST_SPREAD_RAD**2)
-    # (roll + i pitch) of the images is the slope (a + i b) times that of the gyroscopes.
-    G = np.array([[gyro[0], -gyro[1]], [gyro[1], gyro[0]]])
+    G = np.kron(np.eye(2), gyro)
     kept = math.exp(-dt_s / _MEMORY_S)
     return replace(
         here,
@@ -128,44 +133,45 @@ def follow_mounting(
 def mounting_score(state: MountingState | None) -> float | None:
     """How clearly the slope tells a right mounting from a wrong one, in its standard deviations.
 
-    A right one has the slope 1, a wrong one a slope of length 1 that is turned by 75 degrees or
-    more; of these the nearest counts. The score is twice the logarithm of their likelihood ratio
-    over the distance between the two: plus that distance where the slope is 1, minus that distance
-    where it is the wrong one, 0 half way. A slope that fits neither, such as 0, decides nothing.
-    None while too few frames were seen, or the attitude does not even tell noise: nobody told it.
+    The score against each wrong one is twice the logarithm of their likelihood ratio over the
+    distance between the two: plus that distance where the slope is the right one, minus that
+    distance where it is the wrong one, 0 half way. A slope that fits neither decides nothing. The
+    least of these counts: a camera is mounted right if it is in no way wrong. None while too few
+    frames were seen, or the attitude does not even tell noise: nobody told it.
     """
     if state is None or state.frames < _LEAST_FRAMES:
         return None
     if np.trace(state.information) < _LEAST_INFORMATION * state.frames:
         return None
-    H = state.information + 1e-9 * np.eye(2)
+    H = state.information + 1e-9 * np.eye(4)
     slope = np.linalg.solve(H, state.vector)
-    misfit = (state.square - float(state.vector @ slope)) / (2.0 * state.frames - 2.0)
+    misfit = (state.square - float(state.vector @ slope)) / (2.0 * state.frames - 4.0)
     H = H / max(misfit, _LEAST_MISFIT)
-
-    def square(off: FloatArray) -> float:
-        return max(float(off @ H @ off), 0.0)
-
-    wrong = min(_WRONG, key=lambda mounted: square(slope - mounted))
-    if min(np.linalg.norm(slope - mounted) for mounted in (_RIGHT, wrong)) > _MOST_OFF:
-        return 0.0
-    apart = math.sqrt(square(_RIGHT - wrong))
-    score = (square(slope - wrong) - square(slope - _RIGHT)) / max(apart, 1e-9)
+    score = min(_score(slope - _RIGHT, wrong - _RIGHT, H) for wrong in _WRONG)
     return min(max(score, -MOST_SCORE), MOST_SCORE)
 
 
-def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
-    """Velocity (4,) of a vehicle, to the side while its mounting is undecided: that tilts it.
+def _score(off: FloatArray, wrong: FloatArray, information: FloatArray) -> float:
+    """Score of a slope that is ``off`` (4,) from the right one, against a ``wrong`` one (4,)."""
+    square = float(wrong @ information @ wrong)
+    way = float(off @ information @ wrong) / square
+    if min(abs(way), abs(1.0 - way)) > _MOST_OFF:
+        return 0.0
+    return (1.0 - 2.0 * way) * math.sqrt(square)
 
-    In every other half second, to the right and to the left in turn; else the ``velocity`` of the
-    law. The gate scales it to the reduced speed.
+
+def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
+    """Velocity (4,) of a vehicle, aslant while its mounting is undecided: that tilts it.
+
+    In every other half second, ahead to the right and back to the left in turn, which is about both
+    axes; else the ``velocity`` of the law. The gate scales it to the reduced speed.
     """
     phase = t_ns // _PROBE_NS % 4
     if score is None or abs(score) >= MOUNTING_SCORE or phase % 2 == 0:
         return velocity
-    aside = np.zeros_like(velocity)
-    aside[1] = _PROBE_M_S if phase == 1 else -_PROBE_M_S
-    return aside
+    aslant = np.zeros_like(velocity)
+    aslant[:2] = _PROBE_M_S if phase == 1 else -_PROBE_M_S
+    return aslant
 
 
 def _rotation_vector(R: FloatArray) -> FloatArray:

@@ -70,6 +70,22 @@ def test_the_turn_between_two_frames_is_found_beside_their_translation():
     np.testing.assert_allclose(turn.vector_rad, [0.004, -0.006, 0.003], atol=2e-4)
 
 
+def test_a_wide_lens_s_distortion_does_not_hide_a_turn():
+    lens = CameraModel(160, 120, 100.0, 100.0, 80.0, 60.0, (-0.2, 0.05, 0.0, 0.0))
+    pixels = lens.grid(STRIDE)
+    points = DEPTH_M * homogeneous(lens.normalise(pixels))
+    depth = points[..., 2]
+
+    def view(T):
+        seen = points @ T[:3, :3].T + T[:3, 3]
+        seen = seen * (DEPTH_M / seen[..., 2:])
+        return GridSamples(pixels, lens.project(seen) - pixels, np.ones(depth.shape))
+
+    step = make_pose(rotation_from_euler(0.004, -0.006, 0.003), np.zeros(3))
+    tracks = point_tracks((view(np.eye(4)), view(step)), depth, (lens, lens), 0.1)
+    np.testing.assert_allclose(image_turn(tracks).vector_rad, [0.004, -0.006, 0.003], atol=4e-4)
+
+
 def test_a_depth_in_another_unit_changes_no_turn():
     z = 0.2 * depth_of(SMALL)[0]
     near, far = turn_between(np.eye(4), SMALL), turn_between(np.eye(4), SMALL, z)
@@ -175,15 +191,20 @@ def scores_of(angles_rad, positions_m, mounted, mount=ASSUMED, noise_deg=0.0):
 
 
 def scores(
-    mounted_deg, tilt_deg, velocity=(0.0, 0.0, 0.0), seconds=4.0, noise_deg=0.0, mount=ASSUMED
+    mounted_deg,
+    tilt_deg,
+    velocity=(0.0, 0.0, 0.0),
+    seconds=4.0,
+    noise_deg=0.0,
+    mount=ASSUMED,
+    mounted=None,
 ):
     """Scores after each frame of a vehicle that rolls and pitches to and fro while it moves."""
     t = np.arange(round(seconds / PERIOD_S)) * PERIOD_S
     angles = np.radians(tilt_deg) * np.stack([np.sin(5.0 * t), np.sin(3.3 * t + 1.0)], axis=1)
     turned = make_pose(rotation_from_euler(0.0, 0.0, np.radians(mounted_deg)), np.zeros(3))
-    return scores_of(
-        angles, np.outer(t, velocity), turned @ mount.T_body_camera(), mount, noise_deg
-    )
+    mounted = turned @ mount.T_body_camera() if mounted is None else mounted
+    return scores_of(angles, np.outer(t, velocity), mounted, mount, noise_deg)
 
 
 def score_of(*args, **kwargs):
@@ -203,6 +224,16 @@ def test_a_camera_that_is_mounted_another_way_round_is_known_too(mounted_deg):
 def test_a_camera_that_looks_down_is_known_as_well(mounted_deg):
     assert score_of(0.0, tilt_deg=1.0, mount=DOWN) > 5.0
     assert score_of(mounted_deg, tilt_deg=1.0, mount=DOWN) < -5.0
+
+
+@pytest.mark.parametrize("tilt_deg", [(1.0, 1.0), (4.0, 0.5), (0.5, 4.0)])
+def test_a_camera_that_is_upside_down_or_upright_instead_of_level_never_counts_as_right(tilt_deg):
+    """Roll alone does not tell: the images roll as they should."""
+    for roll_rad in (np.pi, np.pi / 2, -np.pi / 2):
+        mounted = Mount(roll_rad=roll_rad).T_body_camera()
+        found = scores(0.0, np.array(tilt_deg), mounted=mounted)
+        assert max(score for score in found if score is not None) < 5.0
+        assert roll_rad < np.pi or found[-1] < -5.0
 
 
 @pytest.mark.parametrize("mount", [ASSUMED, DOWN], ids=["ahead", "down"])
@@ -249,7 +280,7 @@ def test_noise_of_the_attitude_makes_it_less_sure_and_never_wrong(noise_deg):
 
 def test_a_score_is_bounded():
     known = MountingState(
-        0, np.eye(3), np.zeros((2, 2)), 1e9 * np.eye(2), np.array([1e9, 0.0]), 1e9, 20.0
+        0, np.eye(3), np.zeros((2, 2)), 1e9 * np.eye(4), 1e9 * np.eye(2).ravel(), 2e9, 20.0
     )
     assert mounting_score(known) == MOST_SCORE
 
@@ -276,18 +307,19 @@ LAW = np.array([0.4, 0.1, 0.0, 0.2])
 
 
 def probed(score, seconds=2.0):
-    """Velocities to the right, every 100 ms."""
-    return [probing_velocity(score, k * 10**8, LAW)[1] for k in range(round(10 * seconds))]
+    """Velocities ahead and to the right, every 100 ms."""
+    return [tuple(probing_velocity(score, k * 10**8, LAW)[:2]) for k in range(round(10 * seconds))]
 
 
 @pytest.mark.parametrize("score", [0.0, 4.9, -4.9])
-def test_an_undecided_mounting_is_probed_to_either_side_in_turn(score):
-    assert probed(score) == [0.1] * 5 + [0.3] * 5 + [0.1] * 5 + [-0.3] * 5
+def test_an_undecided_mounting_is_probed_about_both_axes_to_and_fro(score):
+    law = [(0.4, 0.1)] * 5
+    assert probed(score) == law + [(0.3, 0.3)] * 5 + law + [(-0.3, -0.3)] * 5
 
 
 @pytest.mark.parametrize("score", [None, 5.0, -5.0])
 def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
-    assert set(probed(score)) == {0.1}
+    assert set(probed(score)) == {(0.4, 0.1)}
 
 
 ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
@@ -301,11 +333,11 @@ def flown(task, t_ns):
     return _probed(task, inputs, UNDECIDED, LAW, ESTIMATE)
 
 
-@pytest.mark.parametrize(("limit_m_s", "aside_m_s"), [(0.1, 0.1), (0.5, 0.3)])
-def test_a_probe_turns_and_climbs_not_and_is_no_faster_than_the_settings_allow(
-    limit_m_s, aside_m_s
-):
+@pytest.mark.parametrize(("limit_m_s", "axis_m_s"), [(0.1, 0.1 / np.sqrt(2.0)), (0.5, 0.3)])
+def test_a_probe_turns_and_climbs_not_and_is_no_faster_than_the_settings_allow(limit_m_s, axis_m_s):
     config = ServoConfig(max_horizontal_m_s=limit_m_s)
     task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), ASSUMED)
     for t_ns, side in ((5 * 10**8, 1.0), (15 * 10**8, -1.0)):
-        np.testing.assert_allclose(flown(task, t_ns), [0.0, side * aside_m_s, 0.0, 0.0])
+        np.testing.assert_allclose(
+            flown(task, t_ns), [side * axis_m_s, side * axis_m_s, 0.0, 0.0], atol=1e-12
+        )
