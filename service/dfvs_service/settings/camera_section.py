@@ -51,7 +51,7 @@ class CameraSection:
     )
     announced_s: float = setting(
         0.0,
-        "wait so long for the camera to announce its calibration where none is known; 0: do not",
+        "where no intrinsics are set, wait so long for those that the camera announces; 0: do not",
         low=0.0,
         high=60.0,
     )

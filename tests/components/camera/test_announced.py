@@ -1,16 +1,22 @@
 """A camera that tells its calibration to a service that does not know it."""
 
 import threading
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from loopback import peer
 from ros2_samples import info_message
 from test_camera_process import CAMERA, TOPICS
 
+from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import WireError
+from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
+from dfvs_service.flight_setup import resolve
 from dfvs_service.perception.announced import await_camera
+from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.settings.config import load_config
 
 
@@ -41,6 +47,18 @@ def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
 def test_silence_is_none(endpoint):
     assert await_camera(config(endpoint, announced_s=0.2)) is None
     assert await_camera(config(endpoint, announced_s=0.0)) is None
+
+
+def test_the_announced_camera_flies_and_a_goal_of_another_one_is_refused(
+    endpoint, session, tmp_path
+):
+    announced = replace(CAMERA, fx=1.4 * CAMERA.fx)
+    _publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=announced))
+    image = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
+    write_goal(tmp_path / "goal.png", image, GoalSidecar(CAMERA))
+    flown, goal = resolve(config(endpoint), tmp_path / "goal.png")
+    assert flown.camera.model() == announced
+    assert camera_check(flown, goal).refuses
 
 
 def ros2_driver(session, endpoint, info):
