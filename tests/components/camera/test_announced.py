@@ -15,7 +15,7 @@ from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.flight_setup import resolve
-from dfvs_service.perception.announced import await_camera
+from dfvs_service.perception.announced import CameraDoubts, await_camera
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.settings.config import load_config
 
@@ -59,6 +59,24 @@ def test_the_announced_camera_flies_and_a_goal_of_another_one_is_refused(
     flown, goal = resolve(config(endpoint), tmp_path / "goal.png")
     assert flown.camera.model() == announced
     assert camera_check(flown, goal).refuses
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"width": 80}, "size is 80 x 48 px, here it is 64 x 48"),
+        ({"fy": 60.0}, "vertical focal length is 60.0 px"),
+        ({"cx": 40.0}, "principal point's x is 40.0 px"),
+        ({"distortion": (-0.6, 0.2, 0.0, 0.0)}, "distortion"),
+    ],
+)
+def test_another_announced_camera_is_warned_about_once(capsys, change, word):
+    doubts = CameraDoubts(CAMERA)
+    for camera in (CAMERA, *2 * [replace(CAMERA, **change)]):
+        doubts.on_camera(camera)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: the announced ")
+    assert word in line
 
 
 def ros2_driver(session, endpoint, info):
