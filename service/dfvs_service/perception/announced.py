@@ -26,21 +26,24 @@ class CameraDoubts:
     ----------
     camera : CameraModel
         By which is flown.
+    warn : callable
+        Takes a line; to standard error by default.
     """
 
-    def __init__(self, camera: CameraModel) -> None:
+    def __init__(self, camera: CameraModel, warn: Callable[[str], None] = warn) -> None:
         self._camera = camera
+        self._warn = warn
         self._reported: set[str] = set()
 
     def on_camera(self, announced: CameraModel | DfvsError) -> None:
-        """Take an announcement, on any thread; what is wrong goes to standard error."""
+        """Take an announcement, on any thread."""
         if isinstance(announced, DfvsError):
             problem = str(announced)
         else:
             problem = calibration_difference(self._camera, announced, "announced")
         if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
             self._reported.add(problem)
-            warn(problem)
+            self._warn(problem)
 
 
 def subscribe_calibration(

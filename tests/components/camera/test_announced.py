@@ -1,6 +1,7 @@
 """A camera that tells its calibration to a service that does not know it."""
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,14 @@ from test_camera_process import CAMERA, TOPICS
 
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import WireError
-from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.flight_setup import resolve
+from dfvs_service.frames import CapturedImage
 from dfvs_service.perception.announced import CameraDoubts, await_camera
 from dfvs_service.preflight.calibration import camera_check
+from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.settings.config import load_config
 
 
@@ -77,6 +80,29 @@ def test_another_announced_camera_is_warned_about_once(capsys, change, word):
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("warning: the announced ")
     assert word in line
+
+
+def test_the_check_warns_of_another_announced_camera(endpoint, session):
+    announced = replace(CAMERA, fx=1.4 * CAMERA.fx)
+    publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=announced))
+    goal = Goal(np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8), GoalSidecar(CAMERA))
+    stop = threading.Event()
+
+    def work():
+        while not stop.wait(0.05):
+            publisher.publish(CapturedImage(goal.image, time.monotonic_ns()))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        stream, doubt = stream_checks(config(endpoint), goal)
+    finally:
+        stop.set()
+        thread.join()
+    assert stream.ok
+    assert "the announced focal length is 70.0 px, here it is 50.0" in doubt.detail
+    assert not doubt.ok
+    assert not doubt.refuses
 
 
 def ros2_driver(session, endpoint, info):
