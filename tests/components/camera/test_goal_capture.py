@@ -51,6 +51,14 @@ def test_the_sharpest_picture_is_taken_with_the_attitude_that_is_given(pictures,
     assert "level" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("grey", "word"), [(0, "black"), (255, "white"), (90, "contrast")])
+def test_an_image_that_shows_nothing_is_no_goal(pictures, refused, grey, word):
+    for path in pictures.iterdir():
+        path.write_bytes(encode_png(np.full((SIZE[1], SIZE[0], 3), grey, np.uint8)))
+    assert word in refused(cli.main, *words(pictures))
+    assert not (pictures.parent / "goal.png").exists()
+
+
 def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
     assert cli.main(words(pictures, "--set", "camera.mount.pitch_deg=-20")) == 0
     err = capsys.readouterr().err
