@@ -82,7 +82,7 @@ def run(words: Sequence[str]) -> int:
     camera = calibration_of(arguments) or known_camera(config)
     listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
-        listener = VehicleStateListener()
+        listener = VehicleStateListener(attitude_only=True)
         listener.connect(arguments.mavlink, config.vehicle.timeout_s, config.vehicle.system_id)
     with _feed(arguments, config, camera.size) as feed:
         captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
@@ -151,7 +151,11 @@ def _sharpest(
             continue
         motion = history.at(captured.t_capture_ns)
         if listener is not None and motion is None:
-            problem = CameraError("no image with a known attitude", "a camera that works")
+            problem = CameraError(
+                "the attitude is not known at the time of any image",
+                "ATTITUDE_QUATERNION from the autopilot",
+                "check the MAVLink mode of its port, or give --attitude",
+            )
             continue
         seen += 1
         sharpness = sharpness_of(captured)
