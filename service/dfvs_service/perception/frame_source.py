@@ -47,7 +47,7 @@ class DfvsFrameSource:
 
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera as JSON."""
-        return from_json(CameraModel, payload)
+        return from_json(CameraModel, payload, ignore_unknown=True)
 
 
 def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:

@@ -1,5 +1,6 @@
 """A camera that tells its calibration to a service that does not know it."""
 
+import json
 import threading
 import time
 from dataclasses import replace
@@ -14,10 +15,12 @@ from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import WireError
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
+from dfvs_core.messages.schema import to_json
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.flight_setup import resolve
 from dfvs_service.frames import CapturedImage
 from dfvs_service.perception.announced import CameraDoubts, await_camera
+from dfvs_service.perception.frame_source import DfvsFrameSource
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.settings.config import load_config
@@ -45,6 +48,11 @@ def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
     publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=CAMERA))
     assert await_camera(config(endpoint)) == CAMERA
     assert publisher.count == 0
+
+
+def test_keys_that_are_not_known_are_ignored():
+    announced = json.dumps({**json.loads(to_json(CAMERA)), "name": "nose"}).encode()
+    assert DfvsFrameSource(TOPICS).camera(announced) == CAMERA
 
 
 def test_silence_is_none(endpoint):
