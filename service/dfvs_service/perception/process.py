@@ -263,7 +263,8 @@ class PerceptionProcess:
         sample = self._mailbox.get(self._config.silence_s)
         if sample is None:
             since_s = (time.monotonic_ns() - self._last_frame_ns) * 1e-9
-            return f"no camera frame on {self._source.key} for {since_s:.2f} s"
+            cause = self._config.camera.silence_cause
+            return f"no camera frame on {self._source.key} for {since_s:.2f} s{cause}"
         try:
             return self._source.translate(sample)
         except DfvsError as error:
