@@ -18,6 +18,8 @@ from dfvs_core.geometry.arrays import FloatArray, ImageArray, check_image
 from dfvs_core.geometry.distortion import first_folds
 
 _DISTORTION_LENGTHS = (0, 4, 5, 8)
+_SAME_CAMERA = 0.02
+"""Relative difference of two calibrations that are of the same camera."""
 _AROUND_RAD = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
 """Directions in which, beside the corners', a distortion is examined."""
 _UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
@@ -204,3 +206,37 @@ class CameraModel:
         u = np.arange(offset, self.width, stride) + 0.5
         v = np.arange(offset, self.height, stride) + 0.5
         return np.stack(np.meshgrid(u, v), axis=-1)
+
+
+def calibration_difference(here: CameraModel, there: CameraModel, whose: str) -> str:
+    """Say in what two calibrations differ more than two of one camera would; else empty.
+
+    Parameters
+    ----------
+    here, there : CameraModel
+        The camera that flies, and another one.
+    whose : str
+        Word for the other one.
+    """
+    if here.size != there.size:
+        sizes = (*there.size, *here.size)
+        return "the {} size is {} x {} px, here it is {} x {}".format(whose, *sizes)
+    pairs = {
+        "focal length": (here.fx, there.fx, here.fx),
+        "vertical focal length": (here.fy, there.fy, here.fy),
+        "principal point's x": (here.cx, there.cx, here.width),
+        "principal point's y": (here.cy, there.cy, here.height),
+    }
+    for name, (own, other, scale) in pairs.items():
+        if abs(own - other) > _SAME_CAMERA * scale:
+            return f"the {whose} {name} is {other:.1f} px, here it is {own:.1f}"
+    xy = here.normalise(here.grid(max(here.width // 8, 1)))
+    shift_px = here.fx * np.linalg.norm(_distorted(here, xy) - _distorted(there, xy), axis=-1).max()
+    if shift_px > _SAME_CAMERA * here.width:
+        return f"the {whose} distortion differs from the one here by up to {shift_px:.1f} px"
+    return ""
+
+
+def _distorted(camera: CameraModel, xy: FloatArray) -> FloatArray:
+    """Distorted normalised coordinates (..., 2)."""
+    return (camera.denormalise(xy) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]

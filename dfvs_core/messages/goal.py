@@ -15,11 +15,18 @@ import numpy as np
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
+from dfvs_core.geometry.poses import (
+    R_BODY_FORWARD_CAMERA,
+    make_pose,
+    rotation_from_euler,
+    so3_log,
+)
 from dfvs_core.messages.schema import dump, parse, setting, to_text
 
 GOAL_FORMAT = "dfvs-goal/1"
 _TURN_RAD = 2.0 * np.pi
+_SAME_MOUNT_RAD = np.radians(0.5)
+"""Angle between two mountings that are of the same camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,3 +126,19 @@ class Goal:
 
     image: ImageArray
     sidecar: GoalSidecar
+
+
+def mount_difference(flown: Mount, taken: Mount) -> str:
+    """Say how the camera's direction differs between two mountings, both of which are used."""
+    R_taken_flown = taken.T_body_camera()[:3, :3].T @ flown.T_body_camera()[:3, :3]
+    if np.linalg.norm(so3_log(R_taken_flown)) <= _SAME_MOUNT_RAD:
+        return ""
+    return (
+        f"the goal counts as taken at {_angles(taken)} (its sidecar's mount), the camera flies at "
+        f"{_angles(flown)} (camera.mount)"
+    )
+
+
+def _angles(mount: Mount) -> str:
+    angles = np.degrees([mount.roll_rad, mount.pitch_rad, mount.yaw_rad])
+    return "roll {:.1f}, pitch {:.1f}, yaw {:.1f} deg".format(*angles)

@@ -143,8 +143,8 @@ def with_present_names(cls: Any, data: Any) -> Any:
     }
 
 
-def from_json(cls: type[T], data: bytes) -> T:
-    """Message of the given class from its JSON.
+def from_json(cls: type[T], data: bytes, *, ignore_unknown: bool = False) -> T:
+    """Message of the given class from its JSON, with ``ignore_unknown`` despite other keys.
 
     Raises
     ------
@@ -152,7 +152,11 @@ def from_json(cls: type[T], data: bytes) -> T:
         If it is not JSON or does not follow the schema (NaN included).
     """
     try:
-        return parse(cls, json.loads(data))
+        document = json.loads(data)
+        if ignore_unknown and isinstance(document, Mapping):
+            known = {f.name for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+            document = {key: document[key] for key in known & document.keys()}
+        return parse(cls, document)
     except (ValueError, RecursionError, ConfigError) as error:
         raise WireError(f"not a {cls.__name__}: {error}") from error
 

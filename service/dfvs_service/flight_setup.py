@@ -36,7 +36,7 @@ def resolve(config: ServiceConfig, goal_path: Path) -> tuple[ServiceConfig, Goal
     """Settings with all that is known of the camera, and the goal, checked against it."""
     image, sidecar = read_image(goal_path), read_sidecar(goal_path)
     height, width = image.shape[:2]
-    config = _with_announced(with_calibration(config), sidecar)
+    config = _with_announced(with_calibration(config))
     config, camera = config.with_camera((width, height), sidecar)
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
@@ -80,9 +80,9 @@ def check_camera(config: ServiceConfig, goal_path: Path, goal: Goal) -> None:
         raise ConfigError(f"goal image {goal_path}: {check.detail}", remedy=check.remedy)
 
 
-def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:
-    """Settings with the intrinsics that the camera announces, where nothing else gives them."""
-    if config.camera.announced_s <= 0 or sidecar is not None or config.camera.model() is not None:
+def _with_announced(config: ServiceConfig) -> ServiceConfig:
+    """Settings with the intrinsics that the camera announces, where they have none."""
+    if config.camera.announced_s <= 0 or config.camera.model() is not None:
         return config
     # Zenoh is needed here alone, and takes its time to load.
     from dfvs_service.perception.announced import await_camera

@@ -12,6 +12,7 @@ import cv2
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal import Mount
+from dfvs_core.perception.frame_validator import check_content
 from dfvs_core.perception.vehicle_history import Motion, VehicleHistory
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import (
@@ -39,7 +40,7 @@ examples:
   dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
 
 --source zenoh takes the image from the camera that publishes for the service. Of several
-images the sharpest is kept. Exit code: 0 done, 2 cannot run.
+usable images the sharpest is kept. Exit code: 0 done, 2 cannot run.
 """
 
 
@@ -81,7 +82,7 @@ def run(words: Sequence[str]) -> int:
     camera = calibration_of(arguments) or known_camera(config)
     listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
-        listener = VehicleStateListener()
+        listener = VehicleStateListener(attitude_only=True)
         listener.connect(arguments.mavlink, config.vehicle.timeout_s, config.vehicle.system_id)
     with _feed(arguments, config, camera.size) as feed:
         captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
@@ -133,8 +134,9 @@ def _feed(
 def _sharpest(
     feed: Feed, listener: VehicleStateListener | None, count: int, timeout_s: float
 ) -> tuple[CapturedImage, Motion | None]:
-    """Sharpest of so many images, and the vehicle's motion when it was taken."""
+    """Sharpest of so many usable images, and the vehicle's motion when it was taken."""
     history = VehicleHistory()
+    problem = CameraError(f"no image within {timeout_s:g} s", "a camera that works")
     best: tuple[float, CapturedImage, Motion | None] | None = None
     seen, deadline = 0, time.monotonic() + timeout_s
     while seen < count and not feed.ended and time.monotonic() < deadline:
@@ -143,16 +145,24 @@ def _sharpest(
             history.add(state)
         if captured is None:
             continue
+        fault = check_content(captured.image)
+        if fault is not None:
+            problem = CameraError(f"no goal was taken: {fault.value}", "an image with contrast")
+            continue
         motion = history.at(captured.t_capture_ns)
         if listener is not None and motion is None:
+            problem = CameraError(
+                "the attitude is not known at the time of any image",
+                "ATTITUDE_QUATERNION from the autopilot",
+                "check the MAVLink mode of its port, or give --attitude",
+            )
             continue
         seen += 1
         sharpness = sharpness_of(captured)
         if best is None or sharpness > best[0]:
             best = sharpness, captured, motion
     if best is None:
-        missing = "image" if listener is None else "image with a known attitude"
-        raise CameraError(f"no {missing} within {timeout_s:g} s", "a camera that works")
+        raise problem
     return best[1], best[2]
 
 

@@ -13,7 +13,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
-from dfvs_service.camera.sources.spec import parse_source
+from dfvs_service.camera.sources.spec import STAMPED_ON_ARRIVAL, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
@@ -40,7 +40,7 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="MS",
-        help="time from capture to arrival of a network stream, as measured (default: 0)",
+        help="measured time from capture to arrival, where the source tells none (default: 0)",
     )
 
 
@@ -100,6 +100,8 @@ def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Fe
     """
     options = source_options(arguments, wanted)
     spec = parse_source(arguments.source)
+    if options.latency_ns and spec.kind not in STAMPED_ON_ARRIVAL:
+        raise ConfigError(f"--latency-ms beside {spec}", "a source that tells no time of capture")
 
     def opener() -> Source:
         return open_source(spec, options)

@@ -9,8 +9,8 @@ import zenoh.ext
 from dfvs_common.clock import local_clock
 from dfvs_common.progress import warn
 from dfvs_core.errors import DfvsError
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
+from dfvs_core.geometry.camera import CameraModel, calibration_difference
+from dfvs_service.perception.frame_source import FrameSource, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session, subscribe_kept
 
@@ -20,27 +20,30 @@ OnCamera = Callable[[CameraModel | DfvsError], None]
 
 
 class CameraDoubts:
-    """Warns, once each, of announcements that contradict the settings.
+    """Warns, once each, of announcements of another camera than the flight's.
 
     Parameters
     ----------
     camera : CameraModel
-        Of the settings.
+        By which is flown.
+    warn : callable
+        Takes a line; to standard error by default.
     """
 
-    def __init__(self, camera: CameraModel) -> None:
+    def __init__(self, camera: CameraModel, warn: Callable[[str], None] = warn) -> None:
         self._camera = camera
+        self._warn = warn
         self._reported: set[str] = set()
 
     def on_camera(self, announced: CameraModel | DfvsError) -> None:
-        """Take an announcement, on any thread; what is wrong goes to standard error."""
+        """Take an announcement, on any thread."""
         if isinstance(announced, DfvsError):
             problem = str(announced)
         else:
-            problem = disagreement(self._camera, announced)
+            problem = calibration_difference(self._camera, announced, "announced")
         if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
             self._reported.add(problem)
-            warn(problem)
+            self._warn(problem)
 
 
 def subscribe_calibration(

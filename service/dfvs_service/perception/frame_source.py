@@ -8,8 +8,6 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.frames import RawSample
 from dfvs_service.settings.config import ServiceConfig
 
-_FOCAL_TOLERANCE = 0.02
-
 
 class FrameSource(Protocol):
     """Where frames and the camera's calibration come from, and what they look like there."""
@@ -49,7 +47,7 @@ class DfvsFrameSource:
 
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera as JSON."""
-        return from_json(CameraModel, payload)
+        return from_json(CameraModel, payload, ignore_unknown=True)
 
 
 def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:
@@ -67,19 +65,3 @@ def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:
     from dfvs_service.ros2.frame_source import Ros2FrameSource
 
     return Ros2FrameSource("rmw" if source == "ros2-rmw" else "bridge", config.camera.ros2, clock)
-
-
-def disagreement(configured: CameraModel, announced: CameraModel) -> str:
-    """Say in which way a camera calls itself another one than the settings; empty if not."""
-    if announced.size != configured.size:
-        return (
-            f"the camera announces {announced.width} x {announced.height} px, the settings say "
-            f"{configured.width} x {configured.height} px"
-        )
-    ratio = announced.fx / configured.fx
-    if abs(ratio - 1.0) > _FOCAL_TOLERANCE:
-        return (
-            f"the camera announces a focal length of {announced.fx:.1f} px, the settings say "
-            f"{configured.fx:.1f} px"
-        )
-    return ""

@@ -13,7 +13,7 @@ import zenoh
 
 from dfvs_common.clock import local_clock
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.goal import GoalSidecar, Mount, mount_difference
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
@@ -43,7 +43,6 @@ from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
-from dfvs_service.settings.camera_difference import mount_difference
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -264,7 +263,8 @@ class PerceptionProcess:
         sample = self._mailbox.get(self._config.silence_s)
         if sample is None:
             since_s = (time.monotonic_ns() - self._last_frame_ns) * 1e-9
-            return f"no camera frame on {self._source.key} for {since_s:.2f} s"
+            cause = self._config.camera.silence_cause
+            return f"no camera frame on {self._source.key} for {since_s:.2f} s{cause}"
         try:
             return self._source.translate(sample)
         except DfvsError as error:

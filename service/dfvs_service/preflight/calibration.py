@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from dfvs_core.gate.checks.preflight import Check
-from dfvs_core.messages.goal import Goal, Mount
-from dfvs_service.settings.camera_difference import calibration_difference, mount_difference
+from dfvs_core.geometry.camera import calibration_difference
+from dfvs_core.messages.goal import Goal, Mount, mount_difference
 from dfvs_service.settings.config import ServiceConfig
 
 
@@ -16,7 +16,7 @@ def camera_check(config: ServiceConfig, goal: Goal) -> Check:
     if flown is None:
         flown = taken
     detail = f"{flown.width} x {flown.height} px, focal length {flown.fx:.0f} px"
-    difference = calibration_difference(flown, taken)
+    difference = calibration_difference(flown, taken, "goal's")
     if difference:
         remedy = "take the goal with the camera that flies, or calibrate again"
         return Check("camera", False, f"{detail}; {difference}", remedy)

@@ -26,7 +26,7 @@ from dfvs_service.preflight.ground import (
 from dfvs_service.preflight.image import draw_image
 from dfvs_service.preflight.live_view import LiveView
 from dfvs_service.preflight.report import CheckReport
-from dfvs_service.preflight.stream import stream_check
+from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.heartbeat import Heartbeat
@@ -63,7 +63,7 @@ def check_everything(
         If the processes cannot run, such as when a port is taken.
     """
     _, goal = route[0]
-    camera = (*camera_checks(config, route), stream_check(config, goal))
+    camera = (*camera_checks(config, route), *stream_checks(config, goal))
     model, matcher = model_check(config)
     first = (*camera, model)
     if matcher is None:

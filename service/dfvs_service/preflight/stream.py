@@ -1,4 +1,4 @@
-"""Rate and size of the live camera."""
+"""Rate, size and announced calibration of the live camera."""
 
 import time
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from dfvs_core.gate.config import S
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
 from dfvs_service.frames import RawSample
-from dfvs_service.perception.announced import open_as_service
+from dfvs_service.perception.announced import CameraDoubts, open_as_service, subscribe_calibration
 from dfvs_service.route.frame_queue import FrameQueue
 from dfvs_service.settings.config import ServiceConfig
 
@@ -19,6 +19,7 @@ _PATIENCE_NS = 4 * S
 _LISTEN_NS = S
 _RECEIVE_S = 0.05
 _NAME = "stream"
+_DOUBTFUL = "give service and camera the same calibration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +30,7 @@ class Stream:
     rate_hz: float
 
 
-def stream_check(config: ServiceConfig, goal: Goal) -> Check:
+def stream_checks(config: ServiceConfig, goal: Goal) -> tuple[Check, ...]:
     """Listen to the camera for a second, in the service's place.
 
     Raises
@@ -37,15 +38,23 @@ def stream_check(config: ServiceConfig, goal: Goal) -> Check:
     ConfigError
         If Zenoh cannot be opened.
     """
+    camera = config.camera.model() or goal.sidecar.camera
     refusals: list[str] = []
+    doubts: list[str] = []
     with open_as_service(config) as session:
         frames = FrameQueue(session, config, refusals.append)
+        # Closing the session ends the subscription; the reference keeps it until then.
+        _calibration = subscribe_calibration(
+            session, frames.source, CameraDoubts(camera, doubts.append).on_camera
+        )
         stream = listen(lambda: frames.receive_sample(_RECEIVE_S), time.monotonic_ns)
         frames.close()
     if stream is None and refusals:
-        return Check(_NAME, False, refusals[0], f"see what publishes on {frames.key}")
-    camera = config.camera.model() or goal.sidecar.camera
-    return judge(stream, camera.size, config.gate.min_frame_hz)
+        check = Check(_NAME, False, refusals[0], f"see what publishes on {frames.key}")
+    else:
+        check = judge(stream, camera.size, config.gate.min_frame_hz)
+    announced = (Check("announced", False, doubt, _DOUBTFUL, binding=False) for doubt in doubts)
+    return (check, *announced)
 
 
 def listen(take: Callable[[], RawSample | None], tick: Callable[[], int]) -> Stream | None:

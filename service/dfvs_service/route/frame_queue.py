@@ -79,8 +79,8 @@ class FrameQueue:
         self, session: zenoh.Session, config: ServiceConfig, log: Callable[[str], None]
     ) -> None:
         self.clock = local_clock()
-        self._source = make_frame_source(config, self.clock)
-        self.key = self._source.key
+        self.source = make_frame_source(config, self.clock)
+        self.key = self.source.key
         """Where frames are awaited."""
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._log = log
@@ -100,7 +100,7 @@ class FrameQueue:
         if sample is None:
             return None
         try:
-            return self._source.translate(sample)
+            return self.source.translate(sample)
         except DfvsError as error:
             self._complain(error)
             return None

@@ -3,7 +3,7 @@
 import threading
 from collections import deque
 
-from dfvs_core.gate.events import VehicleEvent
+from dfvs_core.gate.events import Attitude, LocalPosition, VehicleEvent
 from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
 from dfvs_core.messages.link import VehicleState
 from dfvs_service.gate.status import vehicle_state
@@ -12,11 +12,20 @@ _KEPT = 256
 
 
 class VehicleStateListener:
-    """Keeps the received states until they are requested."""
+    """Keeps the received states until they are requested.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    attitude_only : bool
+        Take attitudes alone, as of a vehicle at rest: on a bench PX4 may have no position.
+    """
+
+    def __init__(self, *, attitude_only: bool = False) -> None:
+        self._attitude_only = attitude_only
         self._lock = threading.Lock()
         self._vehicle = VehicleMonitor()
+        if attitude_only:
+            self._vehicle.update(LocalPosition(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         self._states: deque[VehicleState] = deque(maxlen=_KEPT)
 
     def connect(self, url: str, timeout_s: float, system_id: int) -> None:
@@ -44,6 +53,8 @@ class VehicleStateListener:
 
     def on_event(self, event: VehicleEvent) -> None:
         """Take an event, on any thread."""
+        if self._attitude_only and not isinstance(event, Attitude):
+            return
         with self._lock:
             self._vehicle.update(event)
             state = vehicle_state(self._vehicle)

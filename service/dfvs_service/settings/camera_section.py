@@ -10,6 +10,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.schema import setting
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 
 CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
 
@@ -51,12 +52,24 @@ class CameraSection:
     )
     announced_s: float = setting(
         0.0,
-        "wait so long for the camera to announce its calibration where none is known; 0: do not",
+        "where no intrinsics are set, wait so long for those that the camera announces; 0: do not",
         low=0.0,
         high=60.0,
     )
     ros2: Ros2CameraSection = field(default_factory=Ros2CameraSection)
     mount: Mount | None = None
+
+    @property
+    def silence_cause(self) -> str:
+        """Why images of ROS 2 may never arrive, to follow that none do; else empty."""
+        width, height = self.width or 0, self.height or 0
+        is_small = 3 * width * height <= MAX_MESSAGE_BYTES
+        if self.source == "dfvs" or self.ros2.compressed or is_small:
+            return ""
+        return (
+            f": colour images of {width} x {height} px are above {MAX_MESSAGE_BYTES >> 20} MiB, "
+            "the limit of a message, unless compressed"
+        )
 
     def with_model(self, model: CameraModel) -> CameraSection:
         """The same settings with the intrinsics of a camera, and no other source of them."""

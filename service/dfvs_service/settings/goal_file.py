@@ -5,10 +5,10 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.geometry.camera import calibration_difference
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
-from dfvs_service.settings.camera_difference import calibration_difference
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _SIDECAR = "JSON as dfvs-camera goal writes it"
@@ -173,6 +173,6 @@ def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
     """
     image = decode_image(command.image)
     sidecar = GoalSidecar.from_json(command.sidecar, flown) if command.sidecar else flown
-    if difference := calibration_difference(flown.camera, sidecar.camera):
+    if difference := calibration_difference(flown.camera, sidecar.camera, "goal's"):
         raise ConfigError(difference, "a goal of the camera that flies, with its calibration")
     return checked_goal(Path("new goal"), image, sidecar)

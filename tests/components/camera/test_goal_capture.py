@@ -51,6 +51,33 @@ def test_the_sharpest_picture_is_taken_with_the_attitude_that_is_given(pictures,
     assert "level" not in capsys.readouterr().err
 
 
+def test_the_autopilot_s_attitude_is_taken_without_a_position(pictures, monkeypatch):
+    def connect(listener, *_):
+        now_ns = time.monotonic_ns()
+        for k in range(30):
+            listener.on_event(Attitude(now_ns + k * 100_000_000, 0.1, -0.2, 0.3))
+
+    monkeypatch.setattr(VehicleStateListener, "connect", connect)
+    assert cli.main(words(pictures, "--mavlink", "udpin://127.0.0.1:1")) == 0
+    sidecar = load_goal(pictures.parent / "goal.png").sidecar
+    assert (sidecar.roll_rad, sidecar.pitch_rad) == pytest.approx((0.1, -0.2))
+
+
+def test_a_missing_attitude_is_not_told_as_a_missing_camera(pictures, monkeypatch, refused):
+    monkeypatch.setattr(VehicleStateListener, "connect", lambda *_: None)
+    line = refused(cli.main, *words(pictures, "--mavlink", "udpin://127.0.0.1:1"))
+    assert "ATTITUDE_QUATERNION from the autopilot" in line
+    assert "--attitude" in line
+
+
+@pytest.mark.parametrize(("grey", "word"), [(0, "black"), (255, "white"), (90, "contrast")])
+def test_an_image_that_shows_nothing_is_no_goal(pictures, refused, grey, word):
+    for path in pictures.iterdir():
+        path.write_bytes(encode_png(np.full((SIZE[1], SIZE[0], 3), grey, np.uint8)))
+    assert word in refused(cli.main, *words(pictures))
+    assert not (pictures.parent / "goal.png").exists()
+
+
 def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
     assert cli.main(words(pictures, "--set", "camera.mount.pitch_deg=-20")) == 0
     err = capsys.readouterr().err

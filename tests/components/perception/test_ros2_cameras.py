@@ -63,4 +63,4 @@ def test_a_ros_2_camera_is_flown_by_like_our_own(tmp_path, rng, source):
         warning = rig.process.stderr.readline().decode()
         while not warning.startswith("warning: "):
             warning = rig.process.stderr.readline().decode()
-        assert "announces a focal length" in warning
+        assert "the announced focal length" in warning

@@ -227,16 +227,34 @@ def test_what_cannot_be_calibrated_is_one_line(tmp_path, capsys, words, message)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png"]
 
 
-def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_said(
-    tmp_path, capsys
-):
-    _, images = pictures("charuco")
-    path = tmp_path / "board.avi"
+def write_video(path, images):
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 200.0, CAMERA.size)
     for image in images:
         for _ in range(2):  # a board that is held still is no new view
             writer.write(image)
     writer.release()
+
+
+def test_a_refused_fit_keeps_the_images_of_a_moving_source(tmp_path, capsys):
+    board, images = pictures("charuco")
+    write_video(tmp_path / "board.avi", images[:4])
+    words = ["calibrate", "--board", BOARDS["charuco"], "--source", str(tmp_path / "board.avi")]
+    assert cli.main([*words, "--out", str(tmp_path / "camera.toml")]) == 2
+    (folder,) = tmp_path.glob("camera-images-*")
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert "4 usable images" in error
+    assert error.endswith(f"--source {folder}")
+    kept = [cv2.imread(str(path)) for path in sorted(folder.iterdir())]
+    assert len(kept) == 4
+    assert all(board.find(image, "") is not None for image in kept)
+
+
+def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_said(
+    tmp_path, capsys
+):
+    _, images = pictures("charuco")
+    path = tmp_path / "board.avi"
+    write_video(path, images)
     out = tmp_path / "camera.toml"
     words = ["calibrate", "--board", BOARDS["charuco"], "--source", str(path), "--out", str(out)]
     assert cli.main([*words, "--json"]) in (0, 1)

@@ -1,14 +1,19 @@
 """Which source a word means, and what is said of one that cannot be used."""
 
+import time
+
 import cv2
 import numpy as np
 import pytest
 
 from dfvs_core.messages.image import encode_png
+from dfvs_service.camera import cli
+from dfvs_service.camera.sources import capture
 from dfvs_service.camera.sources.capture import CaptureSource, buffer_time_ns
 from dfvs_service.camera.sources.images import ImageSource
 from dfvs_service.camera.sources.source import SourceOptions, check_size, open_source
 from dfvs_service.camera.sources.spec import (
+    STAMPED_ON_ARRIVAL,
     CameraError,
     SourceKind,
     SourceLostError,
@@ -18,6 +23,8 @@ from dfvs_service.camera.sources.spec import (
 from dfvs_service.frames import CapturedImage
 
 S = 1_000_000_000
+LATE = ("--latency-ms", "80")
+FOV = tuple(f"--set=camera.{name}" for name in ("width=64", "height=48", "horizontal_fov_deg=75"))
 
 
 @pytest.fixture
@@ -150,7 +157,35 @@ def test_a_driver_s_stamp_is_believed_only_if_it_can_be_true():
     now_ns = 1000 * S
     assert buffer_time_ns(999_980.0, now_ns) == 999_980 * 1_000_000
     for nonsense_ms in (0.0, -1.0, 1_000_001.0, 990_000.0, 1.7e12):
-        assert buffer_time_ns(nonsense_ms, now_ns) == now_ns
+        assert buffer_time_ns(nonsense_ms, now_ns) is None
+
+
+class UnstampedCapture:
+    """OpenCV's capture of a driver without stamps."""
+
+    def grab(self):
+        return True
+
+    def retrieve(self):
+        return True, np.zeros((48, 64, 3), np.uint8)
+
+    def get(self, _property):
+        return 0.0
+
+
+@pytest.mark.parametrize("kind", sorted(STAMPED_ON_ARRIVAL))
+def test_the_latency_counts_wherever_the_time_of_capture_is_not_told(kind, monkeypatch):
+    monkeypatch.setattr(capture, "_opened", lambda *_: UnstampedCapture())
+    source = CaptureSource(SourceSpec(kind, "0"), SourceOptions(latency_ns=S))
+    before_ns = time.monotonic_ns()
+    t_ns = source.read().t_capture_ns
+    assert before_ns <= t_ns + S <= time.monotonic_ns()
+
+
+@pytest.mark.parametrize("word", ["picamera", "."])
+def test_a_latency_of_a_source_that_tells_the_time_of_capture_is_refused(word, refused):
+    line = refused(cli.main, "goal", "--source", word, *LATE, *FOV, "--out", "goal.png")
+    assert "--latency-ms beside" in line
 
 
 def test_a_picture_of_another_size_is_refused_with_both_sizes():

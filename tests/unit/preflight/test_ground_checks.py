@@ -60,6 +60,11 @@ def test_a_goal_of_another_calibration_is_a_cross(name, factor, word):
     assert "calibrate" in check.remedy
 
 
+def test_a_goal_of_another_distortion_is_a_cross():
+    other = dataclasses.replace(CAMERA, distortion=(-0.3, 0.1, 0.0, 0.0))
+    assert "the goal's distortion differs" in camera_check(config(), goal(other)).detail
+
+
 def test_calibrations_of_the_same_camera_may_differ_a_little():
     other = dataclasses.replace(CAMERA, fx=CAMERA.fx * 1.019, cy=CAMERA.cy + 0.9)
     assert camera_check(config(), goal(other)).ok

@@ -176,6 +176,21 @@ def test_settings_win_over_the_sidecar():
     assert config.camera.mount == Mount(x_m=0.1)
 
 
+@pytest.mark.parametrize(
+    ("settings", "is_named"),
+    [
+        ({"camera.source": "ros2-rmw"}, True),
+        ({"camera.source": "ros2-rmw", "camera.ros2.compressed": True}, False),
+        ({"camera.source": "ros2-bridge", "camera.width": 1920, "camera.height": 1200}, False),
+        ({}, False),
+    ],
+)
+def test_ros_2_images_above_the_limit_of_a_message_are_named_where_none_come(settings, is_named):
+    size = {"camera.width": 2048, "camera.height": 1536}
+    cause = load_config(None, {**size, **settings}).camera.silence_cause
+    assert ("2048 x 1536 px are above 8 MiB" in cause) == is_named
+
+
 def test_without_anything_known_of_the_lens_there_is_no_flight():
     with pytest.raises(ConfigError, match="--camera-fov"):
         ServiceConfig().with_camera((320, 240), None)

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 import signal
+import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import require_replaceable
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration.coverage import coverage_of
@@ -96,8 +97,15 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .toml")
     for path in _outputs(arguments.out):
         require_replaceable("--out", path)
-    views, size = _collect(board, arguments)
-    calibration = calibrate(views, size, arguments.lens)
+    views, size, images = _collect(board, arguments)
+    try:
+        calibration = calibrate(views, size, arguments.lens)
+    except (ConfigError, GeometryError) as error:
+        if not images:
+            raise
+        kept = f"the images are kept: --source {_keep(images, arguments.out)}"
+        remedy = "; ".join(filter(None, (error.remedy, kept)))
+        raise ConfigError(error.problem, error.expected, remedy) from error
     document = report_document(calibration, coverage_of(views, size))
     _write(arguments.out, views, calibration, document)
     print(json.dumps(document) if arguments.json else _summary(arguments.out, document))
@@ -126,12 +134,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _collect(
     board: Board, arguments: argparse.Namespace
-) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views of the board, and the images' size (width, height) px."""
+) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
+    """Views of the board, the images' size (width, height) px, and PNGs of those in no folder."""
     spec = parse_source(arguments.source)
     options = source_options(arguments, None)
     if spec.kind is SourceKind.IMAGES:
-        return _from_images(board, spec, options)
+        return *_from_images(board, spec, options), []
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
@@ -166,9 +174,10 @@ def _from_images(
 
 def _from_feed(
     board: Board, feed: Feed, stop: threading.Event
-) -> tuple[list[BoardView], tuple[int, int]]:
+) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
     """Views from a live source: one whenever the board has moved, until nothing is missing."""
     views: list[BoardView] = []
+    images: list[bytes] = []
     size = (0, 0)
     while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
         captured = feed.receive(_RECEIVE_S)
@@ -179,12 +188,21 @@ def _from_feed(
         if view is None or not _is_new(view, views, size[0]):
             continue
         views.append(view)
+        images.append(encode_png(captured.image))
         missing = coverage_of(views, size).advice()
         if not missing:
             log(f"image {len(views)}: enough")
             break
         log(f"image {len(views)}: {'; '.join(missing[:2])}")
-    return views, size
+    return views, size, images
+
+
+def _keep(images: Sequence[bytes], out: Path) -> Path:
+    """Write PNGs to a new folder beside the output; returns the folder."""
+    folder = Path(tempfile.mkdtemp(prefix=f"{out.stem}-images-", dir=out.parent))
+    for number, image in enumerate(images, 1):
+        (folder / f"{number:02d}.png").write_bytes(image)
+    return folder
 
 
 def _is_new(view: BoardView, views: Sequence[BoardView], width: int) -> bool:

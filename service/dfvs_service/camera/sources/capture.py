@@ -21,14 +21,14 @@ _BACKENDS = {
 }
 
 
-def buffer_time_ns(buffer_ms: float, now_ns: int) -> int:
-    """Monotonic capture time of a V4L2 frame: the driver's stamp, or now where that is none.
+def buffer_time_ns(buffer_ms: float, now_ns: int) -> int | None:
+    """Monotonic capture time of a V4L2 frame by the driver's stamp, None where that is none.
 
     The kernel stamps buffers on the monotonic clock; a driver that stamps with another clock, or
     not at all, gives values that no fresh frame can have.
     """
     stamp_ns = round(buffer_ms * 1e6)
-    return stamp_ns if 0 < stamp_ns <= now_ns < stamp_ns + _MOST_AGE_NS else now_ns
+    return stamp_ns if 0 < stamp_ns <= now_ns < stamp_ns + _MOST_AGE_NS else None
 
 
 class CaptureSource:
@@ -71,9 +71,10 @@ class CaptureSource:
 
     def _capture_time_ns(self) -> int:
         now_ns = time.monotonic_ns()
+        stamp_ns = None
         if self._spec.kind is SourceKind.V4L2:
-            return buffer_time_ns(self._capture.get(cv2.CAP_PROP_POS_MSEC), now_ns)
-        return now_ns - self._options.latency_ns
+            stamp_ns = buffer_time_ns(self._capture.get(cv2.CAP_PROP_POS_MSEC), now_ns)
+        return now_ns - self._options.latency_ns if stamp_ns is None else stamp_ns
 
     def _check_ended(self) -> None:
         """A recording may end; a camera may not."""

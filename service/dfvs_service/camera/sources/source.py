@@ -13,7 +13,7 @@ class SourceOptions:
 
     ``size`` (width, height) px and ``rate_hz`` are asked of a camera where they are not None.
     ``latency_ns`` is what is known to pass between capture and arrival where a source does not
-    give the time of capture (a network stream).
+    give the time of capture (see ``STAMPED_ON_ARRIVAL``).
     """
 
     size: tuple[int, int] | None = None

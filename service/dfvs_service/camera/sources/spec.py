@@ -34,6 +34,8 @@ class SourceKind(enum.StrEnum):
 
 
 LIVE = frozenset({SourceKind.V4L2, SourceKind.STREAM, SourceKind.GSTREAMER, SourceKind.PICAMERA})
+STAMPED_ON_ARRIVAL = LIVE - {SourceKind.PICAMERA}
+"""Where images have no time of capture; a V4L2 driver may give one."""
 
 
 @dataclass(frozen=True, slots=True)
