@@ -98,8 +98,14 @@ def _unusable(path: Path, timeout_s: float, error: OSError) -> SerialDeviceError
             "one that is plugged in",
             "check vehicle.mavlink; `ls /dev/serial/by-id` lists the USB devices",
         )
+    if error.errno == errno.EACCES:
+        return SerialDeviceError(
+            f"{path} may not be used",
+            "a user in the group 'dialout'",
+            "`sudo usermod -aG dialout USER`, then log in anew",
+        )
     return SerialDeviceError(
-        f"{path} may not be used ({error.strerror})",
-        "a user in the group 'dialout'",
-        "`sudo usermod -aG dialout USER`, then log in anew",
+        f"{path} cannot be opened ({error.strerror})",
+        "a serial device",
+        "under systemd, does a DeviceAllow of the unit name its class?",
     )

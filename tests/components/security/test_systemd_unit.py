@@ -165,6 +165,10 @@ def test_systemd_reads_the_drop_in_for_a_pi_camera_which_opens_its_buffers(tmp_p
     verify(with_drop_in(copied("camera", tmp_path), drop_in.replace(program, sys.executable)))
 
 
+def test_the_drop_in_of_a_jetson_opens_the_uarts_of_its_pins():
+    assert "DeviceAllow=char-ttyTHS rw" in (DEPLOY / "jetson.conf").read_text().splitlines()
+
+
 @needs_systemd
 def test_systemd_reads_the_drop_in_of_a_jetson(tmp_path):
     unit, text = copied("service", tmp_path), (DEPLOY / "jetson.conf").read_text()

@@ -93,13 +93,17 @@ def test_a_device_that_comes_in_time_is_used_at_once(tmp_path):
     assert 3.0 <= clock.now_s < 4.0
 
 
-def test_a_device_without_rights_is_told_with_the_group_that_has_them(monkeypatch):
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(errno.EACCES, "may not be used.*dialout"), (errno.EPERM, "cannot be opened.*DeviceAllow")],
+)
+def test_a_device_that_may_not_be_opened_is_told_with_what_allows_it(code, words, monkeypatch):
     def refused(*_):
-        raise PermissionError(errno.EACCES, "Permission denied")
+        raise OSError(code, os.strerror(code))
 
     monkeypatch.setattr(os, "open", refused)  # root may use everything
     clock = Clock()
-    with pytest.raises(SerialDeviceError, match=r"/dev/null may not be used.*dialout"):
+    with pytest.raises(SerialDeviceError, match=f"/dev/null {words}"):
         wait_for_device(serial_path("serial:///dev/null:57600"), 1.0, clock, clock.sleep)
 
 
