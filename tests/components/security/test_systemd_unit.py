@@ -72,6 +72,14 @@ def test_a_camera_that_comes_back_finds_no_flight_that_still_waits_for_it():
     assert float(section("camera")["RestartSec"]) > GateTiming().hold_ns * 1e-9
 
 
+def test_the_documented_checks_keep_engines_where_the_service_finds_them(service):
+    text = (DEPLOY.parent / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
+    checks = [line for line in text.splitlines() if line.endswith(" --check")]
+    folder = f"STATE_DIRECTORY=/var/lib/{service['StateDirectory']} "
+    assert checks
+    assert all(folder in line for line in checks)
+
+
 @pytest.mark.parametrize("name", ["dashboard", "metrics"])
 def test_who_only_shows_has_no_device_and_cannot_read_the_keys(name):
     keys = section(name)
