@@ -54,6 +54,8 @@ class Execution:
             raise ModelError(
                 f"ONNX Runtime has no provider {self.provider!r} here",
                 f"one of {', '.join(available)}",
+                "for another build: `pip uninstall --yes onnxruntime`, then "
+                "`pip install --force-reinstall --no-deps WHEEL`",
             )
 
 
