@@ -92,9 +92,9 @@ published: .venv-published/.stamp
 	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) $(OURS)
 	@touch $@
 
-# Exact versions and hashes for an aircraft: the base dependencies alone, and with the extras that deploy/ runs.
+# Exact versions and hashes for an aircraft: base dependencies and build backend, and these with the extras that deploy/ runs.
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
-    --no-emit-index-url --no-emit-find-links --no-annotate pyproject.toml
+    --no-emit-index-url --no-emit-find-links --no-annotate --extra build pyproject.toml
 
 lock: .venv/.stamp-dev
 	$(LOCK) --upgrade --extra dashboard --extra metrics --extra record --extra report --extra deploy -o deploy/requirements-extras.lock

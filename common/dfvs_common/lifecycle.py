@@ -29,10 +29,11 @@ _PR_SET_PDEATHSIG = 1
 def child_environment() -> dict[str, str]:
     """Variables for a child process that calls :func:`end_with_parent`.
 
+    ``python -m`` imports nothing from the folder in which the user stands.
     Linux ends the child with the *thread* that started it: start children on the main thread, or
     on one that lives longer than they do.
     """
-    return {_PARENT: str(os.getpid())}
+    return {_PARENT: str(os.getpid()), "PYTHONSAFEPATH": "1"}
 
 
 def end_with_parent(parent: int | None = None, number: signal.Signals = signal.SIGTERM) -> None:

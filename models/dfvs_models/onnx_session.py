@@ -1,5 +1,6 @@
 """ONNX Runtime session with fixed threads and execution provider."""
 
+import functools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ import numpy as np
 import onnxruntime
 from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
 
+from dfvs_common.progress import warn
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.messages.manifest import sha256
@@ -52,6 +54,8 @@ class Execution:
             raise ModelError(
                 f"ONNX Runtime has no provider {self.provider!r} here",
                 f"one of {', '.join(available)}",
+                "for another build: `pip uninstall --yes onnxruntime`, then "
+                "`pip install --force-reinstall --no-deps WHEEL`",
             )
 
 
@@ -206,15 +210,29 @@ def provider_options(data: bytes, execution: Execution) -> dict[str, str]:
     if execution.provider != _TENSORRT or not execution.engine_cache:
         return {}
     folder = Path(execution.engine_cache) / sha256(data)
+    if not _is_private(folder):
+        _warn_once(
+            f"TensorRT's engines cannot be kept in {folder.parent}, and are built at every start; "
+            "expected a folder that this user, and no other, may write to"
+        )
+        return {}
+    return {"trt_engine_cache_enable": "True", "trt_engine_cache_path": str(folder)}
+
+
+def _is_private(folder: Path) -> bool:
+    """Make a folder and the one around it; whether this user, and no other, may write there."""
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
         places = [path.stat() for path in (folder, folder.parent)]
     except OSError:
-        return {}
-    if any(p.st_uid != os.geteuid() or p.st_mode & _WRITABLE_BY_OTHERS for p in places):
-        return {}
-    return {"trt_engine_cache_enable": "True", "trt_engine_cache_path": str(folder)}
+        return False
+    return all(p.st_uid == os.geteuid() and not p.st_mode & _WRITABLE_BY_OTHERS for p in places)
+
+
+@functools.cache
+def _warn_once(text: str) -> None:
+    warn(text)
 
 
 def trial_image(width: int, height: int) -> ImageArray:

@@ -1,6 +1,7 @@
 """``dfvs-service``: fly to a goal image, command a flight, print the settings."""
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -263,6 +264,8 @@ def _check(config: ServiceConfig, goal_paths: Sequence[Path], arguments: argpars
         write_atomic(arguments.image, encode_png(drawn[0]))
     elif arguments.image is not None:
         warn("no image, since nothing was seen: correct what fails")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="namereplace")  # not every encoding has the marks
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_FAILED

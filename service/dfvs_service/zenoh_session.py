@@ -1,6 +1,7 @@
 """Zenoh sessions with errors for users."""
 
 import dataclasses
+import datetime
 import math
 import time
 from collections.abc import Callable
@@ -59,14 +60,16 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
 
 def _unreachable(config: ZenohSection, problem: str) -> ConfigError:
     """Error of a client that reaches neither a service nor a router."""
+    remedy = (
+        "start it, or name its endpoint (--config, --set zenoh.listen; zenoh.connect for a router)"
+    )
     ports = [zenoh_port(endpoint) for endpoint in config.connect]
     if all(port is not None and port.is_unheard() for port in ports):
         problem = f"nobody listens on {', '.join(config.connect)}"
-    return ConfigError(
-        problem,
-        "a running dfvs-service there, or a router",
-        "start it, or name its endpoint (--config, --set zenoh.listen; zenoh.connect for a router)",
-    )
+    elif config.tls is not None:
+        now = datetime.datetime.now(datetime.UTC).isoformat(" ", "minutes")
+        remedy += f"; or is a certificate not valid at {now} (now), or of another authority?"
+    return ConfigError(problem, "a running dfvs-service there, or a router", remedy)
 
 
 def publish_kept(

@@ -46,7 +46,7 @@ def test_both_distributions_have_one_version_and_share_no_command():
 
 @pytest.mark.parametrize(
     ("lock", "extras"),
-    [("deploy/requirements.lock", []), ("deploy/requirements-extras.lock", LOCKED_EXTRAS)],
+    [("deploy/requirements.lock", ["build"]), ("deploy/requirements-extras.lock", LOCKED_EXTRAS)],
 )
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
 def test_a_lock_pins_what_an_aircraft_installs_to_hashes(lock, extras, python):
@@ -63,6 +63,15 @@ def test_a_lock_pins_what_an_aircraft_installs_to_hashes(lock, extras, python):
     blocks = re.split(r"^(?=\w)", (ROOT / lock).read_text(), flags=re.MULTILINE)[1:]
     assert all("--hash=sha256:" in block for block in blocks)
     assert "://" not in (ROOT / lock).read_text()
+
+
+def test_an_aircraft_builds_the_wheel_by_the_locked_backend_alone():
+    for path in ("docs/how-to/install.md", "deploy/Containerfile"):
+        installs = re.findall(r"pip install --no-deps [^&\n]*", (ROOT / path).read_text())
+        assert installs
+        assert all("--no-build-isolation" in install for install in installs)
+    backend = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert backend == PROJECT["optional-dependencies"]["build"]
 
 
 def test_locks_and_constraints_agree():

@@ -30,7 +30,7 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         "--source",
         required=True,
         metavar="SOURCE",
-        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, image or folder",
+        help="0 or /dev/..., rtsp://..., gst:PIPELINE, picamera, a video, image or folder",
     )
     parser.add_argument("--size", metavar="WxH", help="image size to ask the camera for, px")
     parser.add_argument("--rate", type=float, metavar="HZ", help="images a second")

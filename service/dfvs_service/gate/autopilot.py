@@ -106,16 +106,14 @@ class Autopilot:
         ConfigError
             If another program has the port.
         SerialDeviceError
-            If a serial device is not there in time, or may not be used.
+            If a serial device is not there in time, may not be used, or another program has it.
         VehicleError
             If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
         path = serial_path(url)
-        if path is not None:
-            wait_for_device(path, timeout_s)
+        self._serial = None if path is None else wait_for_device(path, timeout_s)
         self._mavsdk, system = connect_autopilot(url, self._system_id, timeout_s)
-        self._serial = None if path is None else SerialDevice(path)
         self._system_id = int(system.get_system_id())
         self._note("autopilot", f"{system_names({self._system_id})} on {url}")
         direct = MavlinkDirect(system)

@@ -1,13 +1,14 @@
-"""Serial device of a MAVLink connection: waiting for it, and noticing its loss.
+"""Serial device of a MAVLink connection: waiting for it, locking it, and noticing its loss.
 
-MAVSDK opens a device once. After a hang-up, such as an unplugged USB cable, it never opens the
-device again, though that may be back under the same name.
+MAVSDK shares a device with whoever opens it too, and each then gets a part of the bytes. It opens
+a device once. After a hang-up, such as an unplugged USB cable, it never opens the device again,
+though that may be back under the same name.
 """
 
-import contextlib
+import errno
+import fcntl
 import os
 import select
-import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 from dfvs_core.errors import DfvsError
 
 _SCHEMES = frozenset({"serial", "serial_flowcontrol"})
-_DESCRIPTORS = Path("/proc/self/fd")
+_TAKEN = frozenset({errno.EWOULDBLOCK, errno.EBUSY})
 _POLL_S = 0.2
 
 
@@ -32,80 +33,79 @@ def serial_path(url: str) -> Path | None:
     return Path(path if path and baud_rate.isdecimal() else rest)
 
 
-def wait_for_device(
-    path: Path,
-    timeout_s: float,
-    now_s: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> None:
-    """Wait until a device is there and may be used.
-
-    Raises
-    ------
-    SerialDeviceError
-        If that is not so within the time.
-    """
-    deadline_s = now_s() + timeout_s
-    while (error := _unusable(path, timeout_s)) is not None:
-        if now_s() >= deadline_s:
-            raise error
-        sleep(_POLL_S)
-
-
-def _unusable(path: Path, timeout_s: float) -> SerialDeviceError | None:
-    if not path.exists():
-        return SerialDeviceError(
-            f"there is no serial device {path} within {timeout_s:g} s",
-            "one that is plugged in",
-            "check vehicle.mavlink; `ls /dev/serial/by-id` lists the USB devices",
-        )
-    if not os.access(path, os.R_OK | os.W_OK):
-        return SerialDeviceError(
-            f"{path} may not be used",
-            "a user in the group 'dialout'",
-            "`sudo usermod -aG dialout USER`, then log in anew",
-        )
-    return None
-
-
 class SerialDevice:
-    """Device that this process, or a library in it, has open.
+    """Serial device that is locked against other programs until this process ends.
 
     Parameters
     ----------
     path : Path
         Name of the device, which may be a link.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, or another program has it.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._number = _device_number(path)
-        self._descriptor = None if self._number is None else _descriptor_of(self._number)
+        descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise
+        self._poll = select.poll()
+        self._poll.register(descriptor, 0)
 
     def is_lost(self) -> bool:
-        """Whether the open device hung up; False where no open descriptor of it was found."""
-        if self._descriptor is None:
-            return False
-        if _device_number(self._descriptor) != self._number:
-            return True  # it was closed
-        poll = select.poll()
-        poll.register(self._descriptor, 0)
-        return bool(poll.poll(0))
+        """Whether the device hung up."""
+        return bool(self._poll.poll(0))
 
 
-def _descriptor_of(number: int) -> int | None:
-    """Descriptor of this process that has the device open."""
-    with contextlib.suppress(OSError):
-        for name in os.listdir(_DESCRIPTORS):
-            if _device_number(int(name)) == number:
-                return int(name)
-    return None
+def wait_for_device(
+    path: Path,
+    timeout_s: float,
+    now_s: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> SerialDevice:
+    """Wait until a device is there and may be used, and lock it.
+
+    Raises
+    ------
+    SerialDeviceError
+        If that is not so within the time; at once if another program has the device.
+    """
+    deadline_s = now_s() + timeout_s
+    while True:
+        try:
+            return SerialDevice(path)
+        except OSError as error:
+            if error.errno in _TAKEN or now_s() >= deadline_s:
+                raise _unusable(path, timeout_s, error) from error
+        sleep(_POLL_S)
 
 
-def _device_number(device: Path | int) -> int | None:
-    """Number of a character device by its path or descriptor, None where it is none."""
-    with contextlib.suppress(OSError):
-        status = os.stat(device)
-        if stat.S_ISCHR(status.st_mode):
-            return status.st_rdev
-    return None
+def _unusable(path: Path, timeout_s: float, error: OSError) -> SerialDeviceError:
+    if error.errno in _TAKEN:
+        return SerialDeviceError(
+            f"{path} is used by another program (maybe another dfvs-service)",
+            remedy="end it, or name another device: --mavlink",
+        )
+    if isinstance(error, FileNotFoundError):
+        return SerialDeviceError(
+            f"there is no serial device {path} within {timeout_s:g} s",
+            "one that is plugged in",
+            "check vehicle.mavlink; `ls /dev/serial/by-id` lists the USB devices",
+        )
+    if error.errno == errno.EACCES:
+        return SerialDeviceError(
+            f"{path} may not be used",
+            "a user in the group 'dialout'",
+            "`sudo usermod -aG dialout USER`, then log in anew",
+        )
+    return SerialDeviceError(
+        f"{path} cannot be opened ({error.strerror})",
+        "a serial device",
+        "under systemd, does a DeviceAllow of the unit name its class?",
+    )

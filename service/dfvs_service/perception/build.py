@@ -6,21 +6,25 @@ import platform
 from pathlib import Path
 
 import cv2
+import numpy as np
+import onnxruntime
 
 import dfvs_core
 import dfvs_models
 from dfvs_service import perception
 
-_PACKAGES = ("dfvs", "numpy", "onnxruntime")
 _SOURCES = (dfvs_core, dfvs_models, perception)
 
 
 def build_versions() -> dict[str, str]:
     """Versions by name; ``source`` is a SHA-256 over the Python code that perception runs."""
-    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
     return {
-        **packages,
+        "dfvs": importlib.metadata.version("dfvs"),
         "source": _source_digest(),
+        "numpy": np.__version__,
+        # Its builds for a GPU are distributions of other names.
+        "onnxruntime": onnxruntime.__version__,
+        "onnxruntime_providers": ", ".join(onnxruntime.get_available_providers()),
         "opencv": cv2.__version__,
         "python": platform.python_version(),
         "machine": platform.machine(),

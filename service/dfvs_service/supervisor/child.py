@@ -26,12 +26,12 @@ once is kept, see ``dfvs_service.perception.preallocation``.
 
 
 def use_one_blas_thread(module: str) -> None:
-    """Run this process anew as ``python -m module`` where BLAS may use more threads.
+    """Run this process anew as ``python -P -m module`` where BLAS may use more threads.
 
     BLAS adds in another order on more threads, and reads their number at its start.
     """
     if not ONE_BLAS_THREAD.items() <= os.environ.items():
-        words = [sys.executable, "-m", module, *sys.argv[1:]]
+        words = [sys.executable, "-P", "-m", module, *sys.argv[1:]]
         os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
 
 

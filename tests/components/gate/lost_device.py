@@ -1,4 +1,4 @@
-"""An autopilot on a pseudo-terminal that vanishes; prints the error of the watch.
+"""An autopilot on a pseudo-terminal that vanishes; prints the errors of a second one and the watch.
 
 It is a process of its own, since MAVSDK may crash where it closes a device that hung up.
 """
@@ -10,6 +10,7 @@ import tty
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_core.errors import DfvsError
 from dfvs_service.gate.autopilot import Autopilot
 
 PATIENCE_S = 30.0
@@ -30,9 +31,14 @@ def main() -> None:
     os.close(slave)
     feeding = threading.Thread(target=feed, args=(master, stop))
     feeding.start()
+    url = f"serial://{name}:57600"
     autopilot = Autopilot(lambda _event: None, lambda *_: None)
-    autopilot.connect(f"serial://{name}:57600", PATIENCE_S)
+    autopilot.connect(url, PATIENCE_S)
     print("connected", flush=True)
+    try:
+        Autopilot(lambda _event: None, lambda *_: None).connect(url, PATIENCE_S)
+    except DfvsError as error:
+        print(error, flush=True)
     threading.Timer(0.2, os.close, (master,)).start()
     stop.set()
     feeding.join()

@@ -257,10 +257,11 @@ def test_a_bundle_that_is_damaged_or_hostile_or_does_not_fit_is_refused(tmp_path
 
 @pytest.mark.parametrize("provider", ["Azure", "CUDA", "Tensorrt"])
 @pytest.mark.parametrize("model", ["dfvs-flow", "classical"])  # which needs none
-def test_a_provider_that_is_not_there_is_refused_by_name(model, provider):
+def test_a_provider_that_is_not_there_is_refused_with_the_way_to_another_build(model, provider):
     text = refusal(model, provider=f"{provider}ExecutionProvider")
     assert f"no provider '{provider}ExecutionProvider'" in text
     assert "CPUExecutionProvider" in text
+    assert "--force-reinstall" in text  # without it pip leaves out what it believes to be there
 
 
 def model_of(*nodes, weights=()):

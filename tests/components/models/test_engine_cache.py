@@ -49,11 +49,14 @@ def test_other_providers_and_no_folder_keep_nothing(tensorrt, tmp_path):
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707])
-def test_engines_that_another_user_could_replace_are_not_used(tensorrt, tmp_path, mode):
+def test_engines_that_another_user_could_replace_are_not_used(tensorrt, tmp_path, mode, capsys):
     tmp_path.chmod(mode)
     assert provider_options(b"1", tensorrt(tmp_path)) == {}
+    assert f"engines cannot be kept in {tmp_path}" in capsys.readouterr().err
 
 
-def test_a_folder_that_cannot_be_made_keeps_nothing(tensorrt, tmp_path):
+def test_a_folder_that_cannot_be_made_keeps_nothing_and_is_told_once(tensorrt, tmp_path, capsys):
     (tmp_path / "file").touch()
-    assert provider_options(b"1", tensorrt(tmp_path / "file" / "engines")) == {}
+    for data in (b"1", b"2"):
+        assert provider_options(data, tensorrt(tmp_path / "file" / "engines")) == {}
+    assert capsys.readouterr().err.count("engines cannot be kept") == 1

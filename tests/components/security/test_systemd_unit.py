@@ -72,6 +72,14 @@ def test_a_camera_that_comes_back_finds_no_flight_that_still_waits_for_it():
     assert float(section("camera")["RestartSec"]) > GateTiming().hold_ns * 1e-9
 
 
+def test_the_documented_checks_keep_engines_where_the_service_finds_them(service):
+    text = (DEPLOY.parent / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
+    checks = [line for line in text.splitlines() if line.endswith(" --check")]
+    folder = f"STATE_DIRECTORY=/var/lib/{service['StateDirectory']} "
+    assert checks
+    assert all(folder in line for line in checks)
+
+
 @pytest.mark.parametrize("name", ["dashboard", "metrics"])
 def test_who_only_shows_has_no_device_and_cannot_read_the_keys(name):
     keys = section(name)
@@ -163,6 +171,10 @@ def test_systemd_reads_the_drop_in_for_a_pi_camera_which_opens_its_buffers(tmp_p
     program = "/opt/dfvs/bin/dfvs-camera"
     assert program in drop_in
     verify(with_drop_in(copied("camera", tmp_path), drop_in.replace(program, sys.executable)))
+
+
+def test_the_drop_in_of_a_jetson_opens_the_uarts_of_its_pins():
+    assert "DeviceAllow=char-ttyTHS rw" in (DEPLOY / "jetson.conf").read_text().splitlines()
 
 
 @needs_systemd

@@ -41,8 +41,9 @@ def video(tmp_path, rng):
 @pytest.mark.parametrize(
     ("word", "kind", "place"),
     [
-        ("0", SourceKind.V4L2, "0"),
-        ("/dev/video12", SourceKind.V4L2, "12"),
+        ("0", SourceKind.V4L2, "/dev/video0"),
+        ("/dev/video12", SourceKind.V4L2, "/dev/video12"),
+        ("/dev/v4l/by-id/usb-cam-index0", SourceKind.V4L2, "/dev/v4l/by-id/usb-cam-index0"),
         ("rtsp://192.168.1.2:8554/main", SourceKind.STREAM, "rtsp://192.168.1.2:8554/main"),
         ("HTTP://host/x.mjpg", SourceKind.STREAM, "HTTP://host/x.mjpg"),
         ("picamera", SourceKind.PICAMERA, "0"),

@@ -1,5 +1,7 @@
-"""What a child process is started with: memory that is resident before a flight, and stays."""
+"""What a child process is started with: its code, and memory that is resident and stays so."""
 
+import os
+import subprocess
 import sys
 
 import pytest
@@ -44,6 +46,36 @@ def test_a_child_has_a_steady_heap_unless_the_user_says_otherwise(
     child = Child((sys.executable, "-c", TELL), tmp_path / "stderr")
     assert child.wait(60.0)
     assert child.new_errors() == [f"{told} {256 << 20} 0 1"]
+
+
+def shadow(folder, package):
+    """Put a package that ends the process into a folder."""
+    (folder / package).mkdir()
+    (folder / package / "__init__.py").write_text("raise SystemExit(9)", encoding="utf-8")
+
+
+def test_a_child_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    shadow(tmp_path, "dfvs_core")
+    monkeypatch.chdir(tmp_path)
+    child = Child((sys.executable, "-m", "dfvs_service.gate", "--help"), tmp_path / "stderr")
+    assert child.wait(60.0)
+    assert child.code == 0
+
+
+def test_a_command_that_is_run_anew_imports_nothing_from_the_current_folder(tmp_path):
+    shadow(tmp_path, "json")
+    code = (
+        "from dfvs_service.supervisor.child import use_one_blas_thread\n"
+        "use_one_blas_thread('json.tool')"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-P", "-c", code, "--help"],
+        cwd=tmp_path,
+        env={name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"},
+        capture_output=True,
+        check=False,
+    )
+    assert ran.returncode == 0
 
 
 def test_a_flight_takes_no_memory_that_was_not_reserved(tmp_path):

@@ -1,5 +1,6 @@
 """Serial devices, with pseudo-terminals in their place."""
 
+import errno
 import os
 import pty
 from pathlib import Path
@@ -52,16 +53,14 @@ def test_a_device_is_lost_once_it_hangs_up_and_stays_so_when_its_name_is_back(tm
         os.close(descriptor)
 
 
-def test_a_device_whose_descriptor_was_closed_is_lost():
+def test_a_device_that_another_program_has_is_refused_at_once():
     master, slave = pty.openpty()
-    device = SerialDevice(serial_path(f"serial://{os.ttyname(slave)}:57600"))
-    os.close(slave)
-    assert device.is_lost()
-    os.close(master)
-
-
-def test_a_device_that_nobody_has_open_is_not_lost(tmp_path):
-    assert not SerialDevice(tmp_path / "none").is_lost()
+    url = f"serial://{os.ttyname(slave)}:57600"
+    SerialDevice(serial_path(url))
+    with pytest.raises(SerialDeviceError, match="used by another program"):
+        Autopilot(lambda _event: None, lambda *_: None).connect(url, 60.0)
+    for descriptor in (master, slave):
+        os.close(descriptor)
 
 
 class Clock:
@@ -94,10 +93,17 @@ def test_a_device_that_comes_in_time_is_used_at_once(tmp_path):
     assert 3.0 <= clock.now_s < 4.0
 
 
-def test_a_device_without_rights_is_told_with_the_group_that_has_them(monkeypatch):
-    monkeypatch.setattr(os, "access", lambda *_: False)  # root may use everything
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(errno.EACCES, "may not be used.*dialout"), (errno.EPERM, "cannot be opened.*DeviceAllow")],
+)
+def test_a_device_that_may_not_be_opened_is_told_with_what_allows_it(code, words, monkeypatch):
+    def refused(*_):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, "open", refused)  # root may use everything
     clock = Clock()
-    with pytest.raises(SerialDeviceError, match=r"/dev/null may not be used.*dialout"):
+    with pytest.raises(SerialDeviceError, match=f"/dev/null {words}"):
         wait_for_device(serial_path("serial:///dev/null:57600"), 1.0, clock, clock.sleep)
 
 

@@ -1,7 +1,9 @@
 """What a user reads who asks for something that cannot be, and how a flight is laid out."""
 
 import fcntl
+import io
 import re
+import sys
 import tomllib
 
 import cv2
@@ -244,6 +246,15 @@ def test_a_check_looks_at_every_goal_of_a_route(route, rng, capfd, refused):
     assert "2.png" in line
     (route / "3.png").write_bytes(b"no picture")
     assert "3.png" in refused(cli.main, *words)
+
+
+def test_the_marks_of_a_check_are_named_where_the_encoding_lacks_them(route, rng, monkeypatch):
+    printed = io.TextIOWrapper(io.BytesIO(), encoding="iso-8859-1")
+    monkeypatch.setattr(sys, "stdout", printed)
+    save_picture(route / "2.png", rng, (36, 48))
+    assert cli.main([*FOV, "--model", "classical", "--check", "--goal", str(route)]) == 1
+    printed.flush()
+    assert rb"\N{BALLOT X} camera" in printed.buffer.getvalue()
 
 
 def test_an_empty_folder_is_no_route(tmp_path, refused):

@@ -1,19 +1,27 @@
 """Waiting for a router: what is said, and what ends at once."""
 
+import datetime
 import itertools
 
 import numpy as np
 import pytest
-from loopback import free_endpoint
+from loopback import free_endpoint, free_tcp_port
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.zenoh_settings import TlsFiles
 from dfvs_service.camera import cli as camera_cli
+from dfvs_service.certificates.authority import (
+    Validity,
+    make_authority,
+    make_certificate,
+    write_credentials,
+)
 from dfvs_service.live import foxglove_cli, metrics_cli
 from dfvs_service.record import cli as record_cli
 from dfvs_service.ros2 import cli as ros2_cli
 from dfvs_service.settings.sections import ZenohSection
-from dfvs_service.zenoh_session import open_persistently, open_within
+from dfvs_service.zenoh_session import open_persistently, open_session, open_within
 
 
 def stopped_after(calls):
@@ -62,3 +70,19 @@ def test_waiting_ends_with_the_error_where_the_time_is_up():
 def test_a_peer_is_not_tried_again():
     with pytest.raises(ConfigError):
         open_persistently(ZenohSection("peer", (), ("tcp/999.0.0.1:1",)), lambda: False, print)
+
+
+def test_certificates_that_are_not_valid_yet_are_told_with_the_time_of_this_machine(tmp_path):
+    """As where a clock was not set after a start without a network."""
+    now = datetime.datetime.now(datetime.UTC)
+    later = Validity(now + datetime.timedelta(days=2), now + datetime.timedelta(days=3))
+    authority = make_authority(later)
+    made = make_certificate(authority, "service.drone1", ("127.0.0.1",), later)
+    write_credentials(folder := tmp_path / "early", made, authority)
+    files = TlsFiles(*(str(folder / f"{name}.pem") for name in ("ca", "certificate", "key")))
+    endpoint = f"tls/127.0.0.1:{free_tcp_port()}"
+    with (
+        open_session(ZenohSection("peer", (), (endpoint,), tls=files), ("drone1",)),
+        pytest.raises(ConfigError, match=r"not valid at 20\d\d-"),
+    ):
+        open_session(ZenohSection("client", (endpoint,), (), tls=files))

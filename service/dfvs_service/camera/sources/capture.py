@@ -93,7 +93,7 @@ def _opened(spec: SourceSpec, options: SourceOptions) -> cv2.VideoCapture:
             "or use a device or an rtsp:// address directly",
         )
     capture = cv2.VideoCapture()
-    capture.open(_place(spec), backend, _open_parameters(spec))
+    capture.open(spec.place, backend, _open_parameters(spec))
     if not capture.isOpened():
         raise _not_opened(spec)
     if spec.kind is SourceKind.V4L2:
@@ -107,10 +107,6 @@ def _is_built_in(kind: SourceKind) -> bool:
         return True
     lines = cv2.getBuildInformation().splitlines()
     return any("GStreamer:" in line and "YES" in line for line in lines)
-
-
-def _place(spec: SourceSpec) -> str:
-    return f"/dev/video{spec.place}" if spec.kind is SourceKind.V4L2 else spec.place
 
 
 def _open_parameters(spec: SourceSpec) -> list[int]:
@@ -143,7 +139,7 @@ def _not_opened(spec: SourceSpec) -> SourceLostError | CameraError:
             f"the GStreamer pipeline {spec.shown!r} does not start",
             "one that ends in: videoconvert ! video/x-raw,format=BGR ! appsink drop=true",
         )
-    device = Path(_place(spec))
+    device = Path(spec.place)
     if not device.exists():
         return SourceLostError(f"there is no camera {device}", "one that is plugged in")
     if not os.access(device, os.R_OK | os.W_OK):

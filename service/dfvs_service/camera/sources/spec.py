@@ -8,7 +8,7 @@ from pathlib import Path
 from dfvs_core.errors import DfvsError
 from dfvs_service.settings.goal_file import is_image
 
-_DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
+_DEVICES = "/dev/"
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 _PASSWORD = re.compile(r"(://[^/@\s:]*):[^/@\s]*@")
@@ -40,7 +40,7 @@ STAMPED_ON_ARRIVAL = LIVE - {SourceKind.PICAMERA}
 
 @dataclass(frozen=True, slots=True)
 class SourceSpec:
-    """A source: its kind, and the device number, URL, pipeline or path."""
+    """A source: its kind, and the device, URL, pipeline, number of a Pi's camera, or path."""
 
     kind: SourceKind
     place: str
@@ -67,8 +67,8 @@ def parse_source(text: str) -> SourceSpec:
     CameraError
         If it is none of them, or may not be read.
     """
-    if match := _DEVICE.fullmatch(text):
-        return SourceSpec(SourceKind.V4L2, match[1])
+    if text.isdecimal():
+        return SourceSpec(SourceKind.V4L2, f"{_DEVICES}video{text}")
     if match := _PICAMERA.fullmatch(text):
         return SourceSpec(SourceKind.PICAMERA, match[1] or "0")
     if text.startswith("gst:") or " ! " in text:
@@ -84,8 +84,10 @@ def parse_source(text: str) -> SourceSpec:
         return SourceSpec(SourceKind.IMAGES, text)
     if is_file:
         return SourceSpec(SourceKind.VIDEO, text)
+    if text.startswith(_DEVICES):
+        return SourceSpec(SourceKind.V4L2, text)
     raise CameraError(
         f"there is no source {text!r}",
-        "a device (0, /dev/video0), URL (rtsp://...), GStreamer pipeline (gst:...), picamera, or "
-        "an existing video, image or folder of images",
+        "a device (0, /dev/video0, /dev/v4l/by-id/...), URL (rtsp://...), GStreamer pipeline "
+        "(gst:...), picamera, or an existing video, image or folder of images",
     )
