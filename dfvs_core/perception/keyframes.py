@@ -13,7 +13,7 @@ from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 
 LEAST_INTERVAL_NS, LONGEST_INTERVAL_NS = 100_000_000, 250_000_000
-HORIZON_NS = 2_000_000_000
+HORIZON_NS = 5_000_000_000
 """Age at which a keyframe is dropped; with the least interval it bounds their number."""
 MOST_KEYFRAMES = HORIZON_NS // LEAST_INTERVAL_NS + 1
 

@@ -4,6 +4,7 @@ Photometric error never decides: light changes. What counts is where the goal is
 correspondences, on average over a window: a hovering vehicle is never quite still.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -178,19 +179,27 @@ def window_error(state: StopState, window_ns: int = _SHORT_NS) -> WindowError:
     return WindowError((mean[0], mean[1]), (spread[0], spread[1]), is_full)
 
 
+def _is_within(error: WindowError, most: tuple[float, float]) -> bool:
+    return error.mean[0] <= most[0] and error.mean[1] <= most[1]
+
+
 def is_reached(state: StopState) -> bool:
     """Whether the goal is reached: within tolerance on average over a window.
 
     A calm vehicle, whose spread is within tolerance too, is judged by one second; the mean is then
     known well. One that wind and its own estimate move about is judged by three, and to within the
-    uncertainty of that mean.
+    uncertainty of that mean. The mean distance has to be within tolerance even where the metric
+    scale is two standard deviations larger than estimated: a guessed one says little.
     """
+    if not state.recent:
+        return False
+    most_m = math.exp(-2.0 * state.recent[-1].scale_spread)
     short = window_error(state, _SHORT_NS)
-    if short.is_full and max(short.mean) <= 1.0 and max(short.spread) <= 1.0:
+    if short.is_full and _is_within(short, (most_m, 1.0)) and max(short.spread) <= 1.0:
         return True
     long = window_error(state, _LONG_NS)
-    margin = [1.0 + spread / _INDEPENDENT**0.5 for spread in long.spread]
-    within = all(mean <= most for mean, most in zip(long.mean, margin, strict=True))
+    margin = [spread / _INDEPENDENT**0.5 for spread in long.spread]
+    within = _is_within(long, (most_m + margin[0], 1.0 + margin[1]))
     return long.is_full and within and max(long.spread) <= _MOST_SPREAD
 
 
