@@ -34,6 +34,7 @@ from dfvs_service.supervisor.console_writer import ConsoleWriter
 from dfvs_service.supervisor.heartbeat import HangDetector, Heartbeat
 from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
+from dfvs_service.supervisor.refusals import StandingRefusals
 from dfvs_service.supervisor.systemd_notify import Notifier
 
 _POLL_S = 0.02
@@ -116,6 +117,7 @@ class Parent:
         self._notifier = Notifier(os.environ)
         self._hang_detector = HangDetector(time.monotonic_ns())
         self._heartbeat = Heartbeat(0, str(GateState.IDLE), "starting")
+        self._refusals = StandingRefusals()
         self._reported: set[str] = set()
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
@@ -175,6 +177,8 @@ class Parent:
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
             self._console.show(self._heartbeat)
+            if line := self._refusals.update(self._heartbeat):
+                self._tell(line)
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
@@ -264,8 +268,11 @@ class Parent:
     def _report(self, line: str) -> None:
         if line not in self._reported:
             self._reported.add(line)
-            self._log.add(time.monotonic_ns(), "told", text=line)
-            self._console.log(line)
+            self._tell(line)
+
+    def _tell(self, line: str) -> None:
+        self._log.add(time.monotonic_ns(), "told", text=line)
+        self._console.log(line)
 
 
 def _end(child: Child, until_s: float) -> None:

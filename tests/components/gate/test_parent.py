@@ -205,6 +205,15 @@ def test_the_black_box_sees_all_that_the_user_was_told_and_the_exit_code(tmp_pat
     assert "warning: the disk is full" in lines
 
 
+def test_user_and_black_box_are_told_which_check_refuses_and_what_to_do(tmp_path):
+    gate = ["--refuses", "the goal is not in view"]
+    line = "not ready: frames: the goal is not in view (check the camera)"
+    box = ending("box") + READING
+    _, lines, _ = run(tmp_path, gate, black_box=box, stop_when=lambda text: line in text)
+    assert lines.count(line) == 1
+    assert line in (tmp_path / "seen").read_text()
+
+
 def test_operators_are_told_of_the_end_of_the_black_box_and_of_its_warnings(tmp_path):
     ends = "import sys; print('warning: the disk is slow', file=sys.stderr); sys.exit(3)"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard_by_gate:
