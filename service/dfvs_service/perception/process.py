@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 
 from dfvs_common.clock import local_clock
+from dfvs_common.progress import warn
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand
@@ -185,7 +186,7 @@ class PerceptionProcess:
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
-            log.warning("%s", self._goal_flaw)
+            warn(self._goal_flaw)
             return
         pipeline = self._frame_processor.pipeline
         pipeline.set_goal(servo_task(self._config, self._goal), pipeline.prepare(self._goal))
