@@ -99,6 +99,33 @@ def test_a_crash_of_the_gate_is_named(tmp_path):
     )
 
 
+CRASHING = "raise KeyError('camera')"
+
+
+@pytest.mark.parametrize(
+    ("gate", "perception", "loss"),
+    [
+        ([], CRASHING, "perception ended with code 1 (KeyError: 'camera')"),
+        (["--crash"], IDLE, "the gate was killed by SIGKILL"),
+        (["--code", "1"], IDLE, "the gate ended with code 1 (error: told to end)"),
+        ([], BROKEN, ""),
+        (["--code", "2"], IDLE, ""),
+    ],
+)
+def test_how_a_process_ended_that_had_to_run_on_is_kept(tmp_path, gate, perception, loss):
+    children = {"perception": perception, "link": IDLE}
+    programs = Programs(
+        (sys.executable, FAKE_GATE, *gate),
+        **{name: (sys.executable, "-c", text) for name, text in children.items()},
+    )
+    stream = io.StringIO()
+    parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(stream))
+    parent.run()
+    assert parent.loss == loss
+    if perception is CRASHING:
+        assert f"warning: {loss}\n" in stream.getvalue()
+
+
 def test_a_gate_that_hangs_is_killed(tmp_path):
     code, lines, took_s = run(tmp_path, ["--hang", "--deaf"])
     assert code == 1
