@@ -252,6 +252,11 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
     wider = CameraModel.from_horizontal_fov(160, 120, np.radians(80))
     assert not fits(record, replace(task, camera=wider), record.matcher, record.most_iterations)
     assert not fits(record, task, "dfvs-flow", record.most_iterations)
+    reseeded = replace(task, seed=2)
+    assert fits(record, reseeded, record.matcher, record.most_iterations)
+    perturbed = replace(record, perturbation="light-medium")
+    assert fits(perturbed, task, record.matcher, record.most_iterations)
+    assert not fits(perturbed, reseeded, record.matcher, record.most_iterations)
 
 
 @pytest.mark.parametrize(
