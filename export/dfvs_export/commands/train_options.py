@@ -83,7 +83,7 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
     add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
     add("--minutes", type=float, default=60.0)
     add("--learning-rate", type=float, default=learning_rate)
-    add("--seed", type=int, default=0)
+    add("--seed", type=int, default=0, help="of all draws; another one to go on from a checkpoint")
     add("--threads", type=int, default=2)
 
 
