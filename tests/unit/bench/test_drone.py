@@ -237,6 +237,12 @@ def test_the_report_has_a_row_for_every_flight():
     assert "NOT READY: the goal is not in view" in text
 
 
+def test_the_report_has_the_limits_of_every_flight():
+    text = drone_section([FLOWN, replace(LOST, limits=VelocityLimits(horizontal_m_s=0.8))])
+    assert "0.5 m/s over ground" in text
+    assert "or, by the flight, 0.8 m/s over ground" in text
+
+
 def test_the_report_says_what_was_flown_and_what_of_it_is_unknown():
     url = "udpin://127.0.0.1:14540"
     text = drone_section([FLOWN, replace(LOST, autopilot=url, estimate=None, wind=None)])
