@@ -114,6 +114,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     check_outputs(args)
+    if args.json is not None and args.json.resolve().parent == args.runs.resolve():
+        raise ConfigError(
+            f"--json {args.json} lies in --runs, where a JSON file is a flight", "another folder"
+        )
     for name in ("timeout", "ready"):
         if not 0 < getattr(args, name) <= 3600:
             raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
