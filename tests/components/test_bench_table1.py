@@ -228,7 +228,9 @@ def test_a_report_takes_anybody_s_scene_and_leaves_out_what_is_empty(tmp_path):
     assert main([*TABLE1, *words, "--runs", str(tmp_path / "runs")]) == 0
     (tmp_path / "empty").mkdir()
     more = ("--scene", str(scene), "--basin", str(tmp_path / "empty"))
-    assert "the scenes are other ones" in report(tmp_path / "lab.html", tmp_path / "runs", *more)
+    text = report(tmp_path / "lab.html", tmp_path / "runs", *more)
+    assert "the scenes are other ones" in text
+    assert "<code>photometric</code>, run here" in text
 
 
 def test_a_plot_of_an_unknown_method_is_refused(folder, refused):

@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 from dfvs_bench.cli import main
 from dfvs_bench.report.figures import STYLE, draw_controller, method_styles
+from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, write_record
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.trial import Step, Trial
@@ -49,6 +50,11 @@ def test_trials_of_an_unknown_method_are_left_out_and_named(tmp_path, capsys):
     assert "2 trials" in line
     assert "my-servoing, my-servoing-2" in line
     assert "left out" in line
+
+
+def test_the_report_does_not_say_that_photometric_servoing_was_run_where_it_was_not():
+    page = report_page(Contents([KITCHEN], [record("motion-depth")]), lambda _: None)
+    assert "run here" not in page
 
 
 @pytest.mark.parametrize("names", [("pnp", "my-a", "my-b"), ("my-b", "my-a")])
