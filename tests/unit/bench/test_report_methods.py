@@ -74,3 +74,8 @@ def test_the_titles_of_the_controller_s_plot_are_whole():
     titles = [text for text in figure.findobj(Text) if text.get_text().startswith("(")]
     assert [title.get_text()[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)", "(e)"]
     assert max(title.get_window_extent().x1 for title in titles) <= figure.bbox.x1
+
+
+def test_the_velocities_of_the_controller_s_plot_are_motions_over_the_frame_period():
+    labels = [axes.get_ylabel() for axes in draw_controller([record("published")]).axes]
+    assert labels[1:3] == ["m ÷ 0.1 s", "rad ÷ 0.1 s"]
