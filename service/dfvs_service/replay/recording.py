@@ -75,7 +75,7 @@ def read_recording(paths: Sequence[Path], warn: Callable[[str], None] = log) -> 
     paths : sequence of Path
         Files of the recording, in any order.
     warn : callable
-        Takes a line about each file whose frame records are repeated.
+        Takes a line about what is left out of a file: damaged, or repeated.
 
     Raises
     ------
@@ -89,18 +89,17 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
     """Entries of the files without what is repeated."""
     newest: dict[int, int] = {}  # number of the newest frame record of each session header
     for path in in_order(paths):
-        repeated = 0
-        for entry in _entries(path):
+        repeated = headless = 0
+        for entry in _entries(path, warn):
             message = entry.message
             if isinstance(message, SessionHeader):
                 if message.opened_ns in newest:
                     continue
                 newest[message.opened_ns] = -1
-            elif not newest:
-                raise RecordingError(
-                    f"{path} holds frame records without a session header", "a whole recording"
-                )
-            elif message.number <= newest.get(message.opening, -1):
+            elif message.opening not in newest:
+                headless += 1
+                continue
+            elif message.number <= newest[message.opening]:
                 repeated += 1
                 continue
             else:
@@ -108,6 +107,8 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
             yield entry
         if repeated:
             warn(f"{path.name}: {repeated} frame records that other files hold are left out")
+        if headless:
+            warn(f"{path.name}: frame records without their session header left out: {headless}")
     if not newest:
         raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
 
@@ -138,11 +139,11 @@ def in_order(paths: Sequence[Path]) -> list[Path]:
     return sorted(paths, key=lambda path: (path.parent, path.stem))
 
 
-def _entries(path: Path) -> Iterator[Entry]:
+def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
     """Whole entries of a file, in its order."""
     topics: dict[int, str] = {}
     entry: Entry | None = None
-    with open_records(path) as records:
+    with open_records(path, warn) as records:
         for record in records:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
