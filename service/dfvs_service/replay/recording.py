@@ -80,9 +80,9 @@ def read_recording(paths: Sequence[Path], warn: Callable[[str], None] = log) -> 
     Raises
     ------
     RecordingError
-        If a file cannot be read, or is no recording of a flight.
+        If a file cannot be read or is no recording of a flight, or the files are of two vehicles.
     """
-    yield from _in_runs(_once(paths, warn))
+    yield from _in_runs(_of_one_vehicle(_once(paths, warn)))
 
 
 def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]:
@@ -111,6 +111,20 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
             warn(f"{path.name}: frame records without their session header left out: {headless}")
     if not newest:
         raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+
+
+def _of_one_vehicle(entries: Iterable[Entry]) -> Iterator[Entry]:
+    """Entries as they are; RecordingError where another vehicle's follow."""
+    vehicle = ""
+    for entry in entries:
+        if isinstance(entry.message, SessionHeader):
+            vehicle = vehicle or entry.message.vehicle
+            if entry.message.vehicle != vehicle:
+                raise RecordingError(
+                    f"the files are of {vehicle} and of {entry.message.vehicle}",
+                    "the files of one vehicle",
+                )
+        yield entry
 
 
 def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
