@@ -20,6 +20,10 @@ class RecordingError(DfvsError):
     """A recording that cannot be used."""
 
 
+class NotMcapError(RecordingError):
+    """A file that is empty or of another kind."""
+
+
 @contextmanager
 def open_records(path: Path, warn: Callable[[str], None]) -> Iterator[Iterator[McapRecord]]:
     """Records of an MCAP file, chunks unfolded, as far as they are whole and unharmed.
@@ -29,7 +33,7 @@ def open_records(path: Path, warn: Callable[[str], None]) -> Iterator[Iterator[M
     Raises
     ------
     RecordingError
-        If the file cannot be read or is not MCAP at all.
+        If the file cannot be read; a NotMcapError if it is not MCAP at all.
     """
     try:
         file = path.open("rb")
@@ -54,7 +58,7 @@ def _records(reader: StreamReader, path: Path, warn: Callable[[str], None]) -> I
                 damaged += 1
     except _UNREADABLE as error:
         if not any_read:
-            raise RecordingError(f"{path} is not a recording", "an MCAP file") from error
+            raise NotMcapError(f"{path} is not a recording", "an MCAP file") from error
         warn(f"{path.name} ends early: it was cut off, or is damaged there")
     if damaged:
         warn(f"{path.name}: damaged chunks left out: {damaged}")

@@ -17,7 +17,7 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
 from dfvs_service.record.messages import channels
-from dfvs_service.record.reading import RecordingError, open_records
+from dfvs_service.record.reading import NotMcapError, RecordingError, open_records
 
 _BETWEEN_RUNS_NS = 1 * S
 """A run is shown so long after the one before, however long the time between them was."""
@@ -110,7 +110,7 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
         if headless:
             warn(f"{path.name}: frame records without their session header left out: {headless}")
     if not newest:
-        raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+        raise RecordingError(f"{paths[0]} is not a recording of a flight", "a file of dfvs-record")
 
 
 def _of_one_vehicle(entries: Iterable[Entry]) -> Iterator[Entry]:
@@ -154,6 +154,14 @@ def in_order(paths: Sequence[Path]) -> list[Path]:
 
 
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
+    """Whole entries of a file; none where a power cut left it empty."""
+    try:
+        yield from _whole_entries(path, warn)
+    except NotMcapError as error:
+        warn(f"{error.problem}: left out")
+
+
+def _whole_entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
     """Whole entries of a file, in its order."""
     topics: dict[int, str] = {}
     entry: Entry | None = None

@@ -62,3 +62,13 @@ def test_records_whose_session_header_is_damaged_are_left_out_and_counted(flight
     assert kept == flight.turns[: len(kept)]
     assert 3 < len(kept) <= 6
     assert "flight-000.mcap: frame records without their session header left out: 6" in warnings
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(4096)])
+def test_a_file_that_a_power_cut_left_empty_is_left_out_and_named(content, flight, recording):
+    empty = recording.with_name("flight-001.mcap")
+    empty.write_bytes(content)
+    source = RecordedFlight([recording, empty])
+    assert len(source.read().series.error_m) == len(flight.turns)
+    assert source.read().summary.told == (f"warning: {empty} is not a recording: left out",)
+    assert replay([recording, empty], Trial(), lambda _: None).frames
