@@ -110,7 +110,10 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
         if headless:
             warn(f"{path.name}: frame records without their session header left out: {headless}")
     if not newest:
-        raise RecordingError(f"{paths[0]} is not a recording of a flight", "a file of dfvs-record")
+        raise RecordingError(
+            f"{paths[0]} is not a recording of a flight, or its session header is damaged",
+            "a file of dfvs-record",
+        )
 
 
 def _of_one_vehicle(entries: Iterable[Entry]) -> Iterator[Entry]:

@@ -7,6 +7,7 @@ from recorded_flight import fly, write_recording
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import FrameRecord
 from dfvs_service.record.cli import main as record_main
+from dfvs_service.record.reading import RecordingError
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
 from dfvs_service.report.recording import RecordedFlight
@@ -72,3 +73,10 @@ def test_a_file_that_a_power_cut_left_empty_is_left_out_and_named(content, fligh
     assert len(source.read().series.error_m) == len(flight.turns)
     assert source.read().summary.told == (f"warning: {empty} is not a recording: left out",)
     assert replay([recording, empty], Trial(), lambda _: None).frames
+
+
+def test_a_recording_whose_only_session_header_is_damaged_is_refused_for_it(tmp_path):
+    path = write_recording(tmp_path, fly(np.random.default_rng(7), 3).events)
+    flip_a_bit(path, path.read_bytes().index(b"first_turn"))
+    with pytest.raises(RecordingError, match="or its session header is damaged"):
+        records(path, [])
