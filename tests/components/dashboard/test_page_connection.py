@@ -82,6 +82,26 @@ def test_an_answer_stays_when_the_connection_is_lost(operated):
     operated.page.wait_text("answer", "accepted: hold")
 
 
+def test_hold_and_abort_have_their_keys_wherever_the_focus_is_and_with_caps_lock(operated):
+    page = operated.page.page
+    page.click("text=Slider")
+    for focus in (
+        lambda: page.click("text=Side by side"),
+        lambda: page.click("text=2 min"),
+        lambda: page.focus("#vehicle"),
+        lambda: page.click("text=Slider") or page.focus("#mix"),
+    ):
+        focus()
+        page.keyboard.press("Shift+A")
+        operated.until(lambda: operated.commands == [("swift", "abort")], patience_s=2.0)
+        operated.commands.clear()
+    page.evaluate(
+        "document.activeElement.dispatchEvent("
+        "new KeyboardEvent('keydown', { key: 'h', shiftKey: true, bubbles: true }))"
+    )
+    operated.until(lambda: operated.commands == [("swift", "hold")], patience_s=2.0)
+
+
 def test_a_goal_without_a_connection_is_called_not_sent(operated):
     image = {"name": "b.jpg", "mimeType": "image/jpeg", "buffer": b"\xff\xd8"}
     operated.say(state=operated.state() | {"state": "READY"})
