@@ -4,7 +4,7 @@ import { byId, DEGREES, fixed, timeOfDay } from "./words.js";
 
 const KEPT_TOKEN = "dfvs-token";
 const GOAL_CHANGEABLE = new Set(["READY", "HOLD", "DONE"]);
-const ENGAGEABLE = new Set(["READY", "DONE", "ABORT", "RELEASED"]);
+const ENGAGEABLE = new Set(["READY", "HOLD", "DONE", "ABORT", "RELEASED"]);
 
 export const keptToken = () => sessionStorage.getItem(KEPT_TOKEN) ?? "";
 
