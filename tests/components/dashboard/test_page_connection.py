@@ -6,6 +6,7 @@ from scripted_server import TOKEN, ScriptedServer
 
 pytestmark = needs_chromium
 
+HELD = {"command": "hold", "vehicle": "swift", "accepted": True, "text": "accepted: hold"}
 WATCHED = "name => dfvsScreen().watched === name"
 
 
@@ -60,7 +61,7 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.keyboard.press("Shift+A")
-    operated.page.wait_text("answer", "abort NOT sent: no connection")
+    operated.page.wait_text("answer", "swift: abort NOT sent: no connection")
     assert operated.page.page.get_attribute("#answer", "data-ok") == "no"
     assert operated.commands == []
 
@@ -68,18 +69,28 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
 def test_a_command_whose_connection_is_lost_is_called_not_answered(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands == [("swift", "hold")])
-    operated.page.wait_text("answer", "hold sent …")
+    operated.page.wait_text("answer", "swift: hold sent …")
     operated.close()
-    operated.page.wait_text("answer", "hold not answered: connection lost")
+    operated.page.wait_text("answer", "swift: hold not answered: connection lost")
 
 
 def test_an_answer_stays_when_the_connection_is_lost(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands)
-    operated.say(answers=[{"command": "hold", "accepted": True, "text": "accepted: hold"}])
-    operated.page.wait_text("answer", "accepted: hold")
+    operated.say(answers=[HELD])
+    operated.page.wait_text("answer", "swift: accepted: hold")
     operated.close()
-    operated.page.wait_text("answer", "accepted: hold")
+    operated.page.wait_text("answer", "swift: accepted: hold")
+
+
+def test_an_answer_goes_when_another_vehicle_is_watched(operated):
+    operated.say(answers=[HELD])
+    operated.page.wait_text("answer", "swift: accepted: hold")
+    operated.list_vehicles("heron", "swift")
+    operated.page.page.wait_for_selector("#vehicle option[value=heron]", state="attached")
+    operated.page.page.select_option("#vehicle", "heron")
+    operated.page.wait(WATCHED, "heron")
+    assert operated.page.text("answer") == ""
 
 
 def test_hold_and_abort_have_their_keys_wherever_the_focus_is_and_with_caps_lock(operated):
@@ -111,7 +122,7 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.click("#confirm-ok")
-    operated.page.wait_text("answer", "goal NOT sent: no connection")
+    operated.page.wait_text("answer", "swift: goal NOT sent: no connection")
 
 
 def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):

@@ -15,7 +15,7 @@ export class Operator {
   #isSignedIn = false;
   /** Whether a token was refused, and the page waits for what the user does. */
   #isRefused = false;
-  /** Names of the commands that were sent on this connection and not answered yet. */
+  /** Vehicle and name of the commands that were sent on this connection and not answered yet. */
   #unanswered = [];
   #onConfirmed = () => {};
   #currentView;
@@ -69,6 +69,7 @@ export class Operator {
   }
 
   watch(vehicle) {
+    if (vehicle !== this.#vehicle) this.#answer(null, "");
     this.#vehicle = vehicle;
   }
 
@@ -89,14 +90,15 @@ export class Operator {
 
   command(name) {
     if (byId("operator").hidden || !this.#vehicle) return;
-    this.#sent(name, this.#connection.send({ type: "command", command: name, vehicle: this.#vehicle }));
+    const vehicle = this.#vehicle;
+    this.#sent(vehicle, name, this.#connection.send({ type: "command", command: name, vehicle }));
   }
 
   answered(answers) {
-    for (const { command, accepted, text } of answers) {
-      const at = this.#unanswered.indexOf(command);
+    for (const { command, vehicle, accepted, text } of answers) {
+      const at = this.#unanswered.indexOf(`${vehicle}: ${command}`);
       if (at >= 0) this.#unanswered.splice(at, 1);
-      this.#answer(accepted, text);
+      this.#answer(accepted, `${vehicle}: ${text}`);
     }
   }
 
@@ -145,12 +147,13 @@ export class Operator {
   }
 
   #sendGoal(vehicle, sidecar, image) {
-    this.#sent("goal", this.#connection.sendGoal({ vehicle, sidecar }, image));
+    this.#sent(vehicle, "goal", this.#connection.sendGoal({ vehicle, sidecar }, image));
   }
 
-  #sent(name, isSent) {
-    if (isSent) this.#unanswered.push(name);
-    this.#answer(isSent ? null : false, isSent ? `${name} sent …` : `${name} NOT sent: no connection`);
+  #sent(vehicle, name, isSent) {
+    const named = `${vehicle}: ${name}`;
+    if (isSent) this.#unanswered.push(named);
+    this.#answer(isSent ? null : false, isSent ? `${named} sent …` : `${named} NOT sent: no connection`);
   }
 
   #confirm(title, text, image, onConfirmed) {
