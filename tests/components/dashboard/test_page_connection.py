@@ -46,6 +46,13 @@ def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
     server.page.wait(WATCHED, "swift")
 
 
+def test_a_warning_about_the_vehicle_s_name_is_shown(serve):
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.say(zenoh={"connected": 2, "links": 2, "warnings": {"swift": "two of one name"}})
+    server.page.wait_text("warnings", "two of one name")
+
+
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""

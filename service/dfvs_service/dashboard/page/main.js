@@ -142,7 +142,7 @@ function refresh() {
     isOpen: connection.isOpen && connection.clock.isKnown, lostMs: lostSinceMs === null ? 0 : performance.now() - lostSinceMs,
   };
   const truth = assess({ ...known, viewMs: view.shown?.captureMs, flowMs: view.flowMs }, nowMs, server);
-  card.showState(truth, known.state, nowMs);
+  card.showState(truth, known.state, known.zenoh?.warnings?.[watched], nowMs);
   card.showHeader(truth, watched);
   card.showVehicles(vehicles, watched, truth, nowMs);
   showNumbers({ ...known, mountingLimit });

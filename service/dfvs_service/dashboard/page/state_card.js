@@ -5,8 +5,11 @@ import { ageText, LIMITS_MS } from "./freshness.js";
 
 const LOW_BATTERY = 0.2;
 
-/** @param truth result of `assess`; @param state newest state of the gate or undefined */
-export function showState(truth, state, nowMs) {
+/**
+ * @param truth result of `assess`; @param state newest state of the gate or undefined
+ * @param ownWarning the dashboard's own warning or undefined
+ */
+export function showState(truth, state, ownWarning, nowMs) {
   const { gate, old } = truth;
   document.body.dataset.state = gate.name;
   document.body.dataset.fresh = gate.kind;
@@ -19,7 +22,7 @@ export function showState(truth, state, nowMs) {
   const untilMs = old.state ? state?.t_ms : nowMs;
   say(byId("since"), state ? duration((untilMs - state.since_ms) / 1000) : DASH);
   showFacts(truth, state);
-  showWarnings(state?.warnings ?? []);
+  showWarnings([ownWarning ?? [], state?.warnings ?? []].flat());
 }
 
 function showFacts({ ages, old }, state) {
