@@ -53,6 +53,22 @@ def test_a_warning_about_the_vehicle_s_name_is_shown(serve):
     server.page.wait_text("warnings", "two of one name")
 
 
+AFTER_A_STEP = """async (stepMs) => {
+  const { Connection } = await import("./connection.js");
+  const { clock } = new Connection("");
+  const here = () => performance.timeOrigin + performance.now();
+  for (const roundTrip of [3, 4, 5]) clock.add(here() - roundTrip, here(), here());
+  clock.add(here() - 40, here() + stepMs, here());
+  return clock.now() - here();
+}"""
+
+
+@pytest.mark.parametrize("step_ms", [3_600_000, -20_000, 0])
+def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(serve, step_ms):
+    shift_ms = serve("swift").page.page.evaluate(AFTER_A_STEP, step_ms)
+    assert shift_ms == pytest.approx(step_ms, abs=25.0)  # half of the slowest ping, and 5 ms
+
+
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""
