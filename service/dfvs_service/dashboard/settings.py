@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.command import operators_zenoh
-from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
+from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.tokens import Tokens
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
@@ -51,7 +51,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
     if not is_loopback(arguments.host):
         _check_exposure(arguments, tokens, is_secure=is_secure)
     _check_port(arguments.host, arguments.port)
-    names = (*LOOPBACK_NAMES, *map(_url_name, (arguments.host, *arguments.name)))
+    names = map(_url_name, (arguments.host, *arguments.name))
     return DashboardSettings(
         address=PublicAddress.of(names, arguments.port, secure=is_secure),
         links=_links(arguments),
