@@ -53,6 +53,19 @@ def test_a_warning_about_the_vehicle_s_name_is_shown(serve):
     server.page.wait_text("warnings", "two of one name")
 
 
+def test_a_silent_vehicle_is_announced_once(serve):
+    server = serve("swift")
+    server.page.wait_text("server", "live")
+    server.page.page.evaluate(
+        "globalThis.changes = []; new MutationObserver((list) => changes.push(...list))"
+        ".observe(document.getElementById('server'), { childList: true, characterData: true })"
+    )
+    server.page.wait_text("state", "STALE: was SERVO")
+    server.page.page.wait_for_timeout(1000)  # five refreshes of the page
+    assert server.page.page.evaluate("changes.length") == 1
+    assert server.page.text("server") == "silent"
+
+
 AFTER_A_STEP = """async (stepMs) => {
   const { Connection } = await import("./connection.js");
   const { clock } = new Connection("");

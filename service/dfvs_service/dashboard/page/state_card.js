@@ -54,7 +54,9 @@ function batteryText(state, ages, old) {
 
 function showWarnings(warnings) {
   const list = byId("warnings");
-  list.hidden = warnings.length === 0;
+  list.hidden = byId("warning-count").hidden = warnings.length === 0;
+  say(byId("warning-count"), `⚠ ${warnings.length}`);
+  byId("warning-count").ariaLabel = `Warnings: ${warnings.length}`;
   const shown = [...list.children].map((item) => item.textContent);
   if (shown.join("\n") !== warnings.join("\n")) {
     list.replaceChildren(...warnings.map((text) => element("li", text)));
