@@ -15,6 +15,7 @@ from dfvs_service.dashboard.tokens import Tokens
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.settings.sections import ZenohSection
+from dfvs_service.zenoh_session import require_usable_files
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +136,7 @@ def _url_name(host: str) -> str:
 
 def _links(arguments: Namespace) -> tuple[ZenohSection, ...]:
     zenoh = load_config(arguments.config, {}).zenoh
+    require_usable_files(zenoh)
     if not arguments.connect:
         return (operators_zenoh(zenoh),)
     return tuple(
