@@ -161,6 +161,16 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
     operated.page.wait_text("answer", "swift: goal NOT sent: no connection")
 
 
+def test_a_goal_that_is_too_large_is_not_sent_and_the_limit_is_named(operated):
+    image = {"name": "b.png", "mimeType": "image/png", "buffer": bytes(12_000_000)}
+    operated.say(state=operated.state() | {"state": "READY"})
+    operated.page.page.wait_for_selector("#goal:enabled")
+    operated.page.page.set_input_files("#goal-files", [image])
+    expected = "not sent: b.png has 12.0 MB, a goal at most 8.0 MB; send it as JPEG"
+    operated.page.wait_text("answer", expected)
+    assert not operated.page.page.is_visible("#confirm-dialog")
+
+
 def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):
     server = serve("swift")
     server.until(lambda: server.watched == ["swift"])

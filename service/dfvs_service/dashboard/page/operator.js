@@ -18,6 +18,7 @@ export class Operator {
   /** Vehicle and name of the commands that were sent on this connection and not answered yet. */
   #unanswered = [];
   #onConfirmed = () => {};
+  #maxGoalBytes = Infinity;
   #currentView;
   /** Width of the camera's frames, px; null where the settings leave it open. */
   cameraWidth = null;
@@ -45,7 +46,8 @@ export class Operator {
     });
   }
 
-  welcome({ role, can_command: canCommand, accepts_operators: acceptsOperators, needs_token: needsToken }) {
+  welcome({ role, can_command: canCommand, accepts_operators: acceptsOperators, needs_token: needsToken, max_goal_bytes: maxGoalBytes }) {
+    this.#maxGoalBytes = maxGoalBytes;
     this.#isSignedIn = keptToken() !== "" && (role === "operator" || needsToken);
     byId("operator").hidden = !canCommand;
     byId("sign").hidden = !this.#isSignedIn && !acceptsOperators;
@@ -119,6 +121,11 @@ export class Operator {
     const sidecar = files.find((file) => file.name.endsWith(".json"));
     byId("goal-files").value = "";
     if (!image) return;
+    if (image.size > this.#maxGoalBytes) {
+      const [size, limit] = [image.size, this.#maxGoalBytes].map((bytes) => `${fixed(bytes / 1e6, 1)} MB`);
+      this.#answer(false, `not sent: ${image.name} has ${size}, a goal at most ${limit}; send it as JPEG`);
+      return;
+    }
     const vehicle = this.#vehicle;
     const taken = sidecar ? `taken as ${sidecar.name} says` : "taken level, by the camera that flies";
     this.#confirm("Change the goal?", `${image.name} for ${vehicle}, ${taken}.`, image, async () => {
