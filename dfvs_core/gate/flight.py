@@ -150,6 +150,14 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
     return None
 
 
+def held_reason(moment: Moment) -> str:
+    """Why HOLD lasts on command, and what else keeps the vehicle from moving."""
+    blocking = _motion_fault(moment)
+    if blocking is None:
+        return str(Cause.OPERATOR_HOLD)
+    return f"{Cause.OPERATOR_HOLD}; {blocking[0]}: {blocking[1]}"
+
+
 def _hold_reason(moment: Moment, watch: Fault | None, lack: str) -> str:
     """Why HOLD lasts; the last fault where data are good now, and have not been for long."""
     if watch is not None:

@@ -34,7 +34,7 @@ from dfvs_core.gate.events import (
     Stop,
     VehicleMode,
 )
-from dfvs_core.gate.flight import Moment, decide
+from dfvs_core.gate.flight import Moment, decide, held_reason
 from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
 from dfvs_core.gate.transitions import TransitionState
 from dfvs_core.gate.vehicle import Fault
@@ -251,6 +251,8 @@ class GateMachine(TransitionState):
         cause = offer(self.vehicle, self.config, self._is_commanded())
         if cause is not None and (cause is Cause.PILOT_ENGAGED or not problem):
             self._go(GateState.ENGAGE, (cause, ""))
+        else:
+            self.reason = self._ready_reason(problem)
 
     def _problem(self) -> str:
         """One line of failed checks; a jump of the position counts once while not engaged."""
@@ -258,18 +260,14 @@ class GateMachine(TransitionState):
         self.vehicle.jump_m = 0.0
         return problem
 
-    def _is_commanded(self) -> bool:
-        valid_ns = self.config.timing.command_valid_ns
-        return self._commanded_ns is not None and self._elapsed(self._commanded_ns) <= valid_ns
-
     def _evaluate_engaged(self) -> None:
-        elapsed_ns = self._elapsed(self._since)
-        decision = decide(
-            self._engagement,
-            Moment(self._now, elapsed_ns, self.state, self.vehicle, self.perception, self.config),
-        )
+        times = self._now, self._elapsed(self._since)
+        moment = Moment(*times, self.state, self.vehicle, self.perception, self.config)
+        decision = decide(self._engagement, moment)
         if decision is not None:
             self._go(decision.target, decision.cause)
+        elif self.state is GateState.HOLD and self._engagement.is_held:
+            self.reason = held_reason(moment)
         if self.vehicle.is_mode_known(self._now):
             self._request_mode()
 

@@ -5,12 +5,12 @@ import math
 from dfvs_core.gate.checks.initial_response import InitialResponse
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.checks.preflight import Check, preflight, sole_commander
-from dfvs_core.gate.config import Engage, GateConfig, OnDone
+from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.gate.engagement import begin
 from dfvs_core.gate.events import ModeRequest
 from dfvs_core.gate.flight import holds_visually
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.states import ENDED, GateState, Transition
+from dfvs_core.gate.states import ENDED, Cause, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_core.gate.vehicle import Fault, VehicleMonitor
 
@@ -30,7 +30,7 @@ class TransitionState:
         self.config = config
         self.state = GateState.IDLE
         self.reason = ""
-        """Why the machine is in this state; in PREFLIGHT, what is missing."""
+        """Why the machine is in this state; in PREFLIGHT, or for a command, what is missing."""
         self.has_reached = False
         """The goal was reached in the last engagement; not any more once there is another."""
         self.vehicle = VehicleMonitor(config.timing)
@@ -72,6 +72,24 @@ class TransitionState:
 
     def _elapsed(self, t_ns: int) -> int:
         return self._now - t_ns
+
+    def _is_commanded(self) -> bool:
+        valid_ns = self.config.timing.command_valid_ns
+        return self._commanded_ns is not None and self._elapsed(self._commanded_ns) <= valid_ns
+
+    def _ready_reason(self, problem: str) -> str:
+        """Say what a command to engage waits for, or that it has expired."""
+        if self.config.engage is not Engage.COMMAND or self._commanded_ns is None:
+            return str(Cause.CHECKS_PASSED)
+        where = "Hold or Position in the air"
+        if not self._is_commanded():
+            valid_s = self.config.timing.command_valid_ns / S
+            return f"engage has expired after {valid_s:g} s, command it again in {where}"
+        if problem:
+            return f"engage waits for {problem}"
+        flies = "flying" if self.vehicle.is_flying else "not flying"
+        mode = self.vehicle.heartbeat.mode
+        return f"engage waits for {where}; the vehicle is in {mode}, {flies}"
 
     def _hold_servo(self, cause: Fault) -> None:
         if self._is_moving:

@@ -115,8 +115,8 @@ class DepthOutput:
 class PoseOutput:
     """What the outputs of a ``pose`` graph mean: pose of the second camera in the first.
 
-    The first output is the translation (1, 3), in m or, with the unit ``"depth"``, in depths at the
-    middle of the second image. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
+    The first output is the translation (1, 3), in m or, with the unit ``"depth"``, in median
+    depths of the second image. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
     z) of any length, or a rotation vector (1, 3) rad. The graph's last input is the images' focal
     length over their width (1, 1).
     """

@@ -57,7 +57,7 @@ def role_access(role: Role, topics: Topics) -> Access:
     """What a role of one vehicle may publish and listen to; a router takes no part itself."""
     commands = (topics.command, topics.new_goal)
     camera = (topics.camera, topics.calibration)
-    telemetry = topics.telemetry("*")
+    telemetry = topics.telemetry("*")  # covers the camera's frames, not its calibration
     if role is Role.SERVICE:
         inputs, lease = (*camera, *commands), topics.lease("*", "*")
         return Access((telemetry, lease), (*inputs, lease), never_publishes=inputs)
@@ -68,11 +68,9 @@ def role_access(role: Role, topics: Topics) -> Access:
     if role is Role.RECORDER:
         return Access(subscribes=(telemetry, topics.calibration), never_subscribes=commands)
     if role is Role.OPERATOR:
-        return Access(
-            publishes=commands, subscribes=(telemetry,), never_subscribes=(*camera, *commands)
-        )
+        return Access(commands, (telemetry,), never_subscribes=commands)
     if role is Role.DASHBOARD:
-        return Access(subscribes=(telemetry,), never_subscribes=(*camera, *commands))
+        return Access(subscribes=(telemetry,), never_subscribes=commands)
     return Access()
 
 

@@ -48,8 +48,8 @@ class DepthScore:
         Of depth as it is; None unless it is metric.
     aligned : DepthError
         With the scale (of an affine network: scale and offset) that fits the truth best.
-    scale_log : float
-        ln of the scale of the found depth in that of the truth.
+    scale_log : float or None
+        ln of the scale of the found depth in that of the truth; None unless it is metric.
     within_spread : float
         Share of pixels whose logarithm (aligned, unless depth is metric) is off by less than its
         standard deviation: 0.68 where errors are normal and the uncertainty is honest.
@@ -57,7 +57,7 @@ class DepthScore:
 
     metric: DepthError | None
     aligned: DepthError
-    scale_log: float
+    scale_log: float | None
     within_spread: float
 
 
@@ -106,11 +106,11 @@ def score_depth(found: NetworkDepth, depth_m: Float32Array) -> DepthScore:
             "equal shapes and one known pixel or more",
         )
     true_rho = 1.0 / depth_m[known].astype(np.float64)
-    rho, scale_log = _aligned(found.rho[known].astype(np.float64), true_rho, found.unit)
-    aligned, metric = _error(rho, true_rho), None
+    rho = _aligned(found.rho[known].astype(np.float64), true_rho, found.unit)
+    aligned, metric, scale_log = _error(rho, true_rho), None, None
     if found.unit in _METRIC:
         rho = np.maximum(found.rho[known], _LEAST_RHO).astype(np.float64)
-        metric = _error(rho, true_rho)
+        metric, scale_log = _error(rho, true_rho), _scale_log(rho, true_rho)
     within = np.abs(np.log(rho / true_rho)) < found.spread[known]
     return DepthScore(metric, aligned, scale_log, float(within.mean()))
 
@@ -118,23 +118,29 @@ def score_depth(found: NetworkDepth, depth_m: Float32Array) -> DepthScore:
 def mean_score(scores: Sequence[DepthScore]) -> DepthScore:
     """Mean over one image or more; ``scale_log`` is the standard deviation around 0."""
     metric = [s.metric for s in scores if s.metric is not None]
+    scales = [s.scale_log for s in scores if s.scale_log is not None]
     return DepthScore(
         _mean(metric) if metric else None,
         _mean([s.aligned for s in scores]),
-        float(np.sqrt(np.mean([s.scale_log**2 for s in scores]))),
+        float(np.sqrt(np.mean(np.square(scales)))) if scales else None,
         float(np.mean([s.within_spread for s in scores])),
     )
 
 
-def _aligned(rho: FloatArray, true_rho: FloatArray, unit: str) -> tuple[FloatArray, float]:
-    """Inverse depth in the truth's units, and ln of the scale that depth had."""
+def _aligned(rho: FloatArray, true_rho: FloatArray, unit: str) -> FloatArray:
+    """Inverse depth in the truth's units."""
     if unit == "affine":
         terms = np.column_stack([rho, np.ones_like(rho)])
         (gain, offset), *_ = np.linalg.lstsq(terms, true_rho, rcond=None)
-        return np.maximum(gain * rho + offset, _LEAST_RHO), 0.0
-    positive = np.maximum(rho, _LEAST_RHO)
-    scale_log = float(np.median(np.log(true_rho / positive)))
-    return positive * np.exp(scale_log), scale_log
+        fitted: FloatArray = np.maximum(gain * rho + offset, _LEAST_RHO)
+    else:
+        fitted = np.maximum(rho, _LEAST_RHO)
+        fitted *= np.exp(_scale_log(fitted, true_rho))
+    return fitted
+
+
+def _scale_log(rho: FloatArray, true_rho: FloatArray) -> float:
+    return float(np.median(np.log(true_rho / rho)))
 
 
 def _error(rho: FloatArray, true_rho: FloatArray) -> DepthError:

@@ -29,6 +29,10 @@ class CommandError(DfvsError):
     """Command that could not be sent, or was not answered."""
 
 
+class UnansweredError(CommandError):
+    """Command that was sent and not answered: it may be obeyed."""
+
+
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
     """Settings with which an operator reaches the service: its router, or the service itself."""
     return dataclasses.replace(service, mode="client", connect=service.reached_at, listen=())
@@ -59,7 +63,9 @@ def send_command(
     Raises
     ------
     CommandError
-        If no service is heard, it accepts no commands, or it does not answer.
+        If no service is heard, or it accepts no commands.
+    UnansweredError
+        If it does not answer.
     WireError
         If the goal is too large.
     """
@@ -99,7 +105,7 @@ def send_command(
             while (answer := _next(answers, deadline)) is not None:
                 if answer.get("request") == request_id(signed):
                     return str(answer.get("result", ""))
-    raise CommandError(
+    raise UnansweredError(
         f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
         "an answer to every command",
         "it may still come to pass: look at the service's state before ordering again",

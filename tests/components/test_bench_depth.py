@@ -21,8 +21,8 @@ def pairs(tmp_path):
     return tmp_path / "room.npz"
 
 
-def bundle_folder(path, values):
-    made = depth_bundle.bundle(np.asarray(values, np.float32))
+def bundle_folder(path, values, unit="1/m"):
+    made = depth_bundle.bundle(np.asarray(values, np.float32), unit=unit)
     return onnx_network.write_bundle(path, made)
 
 
@@ -39,7 +39,16 @@ def test_the_table_and_the_json_tell_metric_and_aligned_errors(pairs, tmp_path, 
     assert score["metric"]["abs_rel"] == pytest.approx(0.5, abs=0.02)
     assert score["aligned"]["abs_rel"] < 0.02
     assert measured["median_ms"] > 0.0
-    assert "aligned" in capsys.readouterr().out
+    assert score["scale_log"] == pytest.approx(np.log(2.0), abs=0.02)
+    printed = capsys.readouterr().out
+    assert "aligned" in printed
+    assert "ln scale off by 0.69" in printed
+
+
+def test_the_scale_of_an_affine_network_is_no_error(pairs, tmp_path, capsys):
+    folder = bundle_folder(tmp_path / "affine", np.full((12, 16), 0.5), "affine")
+    assert main(["depth", str(pairs), "--depth-bundle", str(folder)]) == 0
+    assert "ln scale" not in capsys.readouterr().out
 
 
 def test_files_of_one_name_are_each_measured(pairs, tmp_path):

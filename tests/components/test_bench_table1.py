@@ -228,7 +228,9 @@ def test_a_report_takes_anybody_s_scene_and_leaves_out_what_is_empty(tmp_path):
     assert main([*TABLE1, *words, "--runs", str(tmp_path / "runs")]) == 0
     (tmp_path / "empty").mkdir()
     more = ("--scene", str(scene), "--basin", str(tmp_path / "empty"))
-    assert "the scenes are other ones" in report(tmp_path / "lab.html", tmp_path / "runs", *more)
+    text = report(tmp_path / "lab.html", tmp_path / "runs", *more)
+    assert "the scenes are other ones" in text
+    assert "<code>photometric</code>, run here" in text
 
 
 def test_a_plot_of_an_unknown_method_is_refused(folder, refused):
@@ -252,6 +254,11 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
     wider = CameraModel.from_horizontal_fov(160, 120, np.radians(80))
     assert not fits(record, replace(task, camera=wider), record.matcher, record.most_iterations)
     assert not fits(record, task, "dfvs-flow", record.most_iterations)
+    reseeded = replace(task, seed=2)
+    assert fits(record, reseeded, record.matcher, record.most_iterations)
+    perturbed = replace(record, perturbation="light-medium")
+    assert fits(perturbed, task, record.matcher, record.most_iterations)
+    assert not fits(perturbed, reseeded, record.matcher, record.most_iterations)
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from depth_bundle import bundle
 
-from dfvs_bench.methods.method import Decision, Networks
+from dfvs_bench.methods.method import Decision, GoalObservation, Networks, Observation
 from dfvs_bench.methods.pose_regression import PoseRegressionMethod
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.trials.scenes import ASSETS
 from dfvs_bench.trials.settings import wall
 from dfvs_bench.trials.task import BenchTask
 from dfvs_bench.trials.trial import goal_observation, run_trial
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
+from dfvs_core.geometry.poses import invert_pose, make_pose, se3_log, so3_exp
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_core.servo.exchange import Status
@@ -107,25 +108,33 @@ def test_position_based_servoing_goes_straight(room):
     assert trial.path_ratio < 1.1
 
 
+BIAS = make_pose(so3_exp(np.array([0.01, -0.02, 0.03])), np.array([0.03, 0.0, -0.02]))
+
+
 class KnownPose:
     """A network that knows the pose up to a bias, and the method that is told it."""
 
-    def __init__(self, goal, unit, scale):
-        self.unit, self._scale = unit, scale
-        self._bias = make_pose(so3_exp(np.array([0.01, -0.02, 0.03])), np.array([0.03, 0.0, -0.02]))
+    def __init__(self, goal, unit, bias):
+        self.unit, self._bias = unit, bias
+        self._goal_m = self._in_unit(goal.depth)
         self._method = PoseRegressionMethod(goal, self)
+
+    def _in_unit(self, depth):
+        return 1.0 if self.unit == "m" else float(np.median(depth.z_m))
 
     def fit(self, image, camera):
         self._last = fit_image(image, camera, ImageInput(32, 24))
         return self._last
 
     def relative_pose(self, first, second):
-        T = self._T_current_goal if first is self._last else invert_pose(self._T_current_goal)
+        is_there = first is self._last
+        T = self._T_current_goal if is_there else invert_pose(self._T_current_goal)
         T = T @ self._bias
-        return make_pose(T[:3, :3], T[:3, 3] / self._scale)
+        return make_pose(T[:3, :3], T[:3, 3] / (self._goal_m if is_there else self._current_m))
 
     def decide(self, sight):
         self._T_current_goal = invert_pose(sight.T_world_camera) @ T_WORLD_GOAL
+        self._current_m = self._in_unit(sight.depth)
         return self._method.decide(sight)
 
 
@@ -133,12 +142,24 @@ class KnownPose:
 def test_servoing_by_a_regressed_pose_ends_at_the_goal_whatever_the_bias(room, unit):
     there = task(0.4, 12)
     goal = goal_observation(there, room)
-    scale = 1.0 if unit == "m" else float(np.median(goal.depth.z_m))
-    trial = run_trial(there, KnownPose(goal, unit, scale), room, 120)
+    trial = run_trial(there, KnownPose(goal, unit, BIAS), room, 120)
     assert trial.end == "done"
     assert trial.final.distance_m < 0.004
     assert trial.final.angle_rad < np.radians(0.2)
     assert trial.path_ratio < 1.1
+
+
+@pytest.mark.parametrize("unit", ["m", "depth"])
+def test_a_step_by_an_exact_pose_is_a_tenth_of_the_motion_to_a_goal_of_another_depth(unit):
+    image = np.zeros((SMALL.height, SMALL.width, 3), np.uint8)
+    near, far = (
+        DepthMap(np.full(image.shape[:2], z, np.float32), np.ones(image.shape[:2], np.float32))
+        for z in (1.5, 4.0)
+    )
+    T = task(0.4, 12).T_world_start
+    exact = KnownPose(GoalObservation(SMALL, image, near), unit, np.eye(4))
+    step = se3_log(exact.decide(Observation(0, image, far, T)).T_current_next)
+    np.testing.assert_allclose(step, 0.1 * se3_log(invert_pose(T) @ T_WORLD_GOAL), atol=1e-9)
 
 
 def test_the_siamese_network_ends_at_the_goal_before_a_plane(room):

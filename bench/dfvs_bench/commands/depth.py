@@ -19,7 +19,8 @@ A pairs file holds IA (N,H,W,3) uint8 RGB, its depth (N,H,W) m (0: unknown), see
 75 degrees (dfvs-rooms pairs makes such files). Aligned: with the scale that fits an image best.
 
 The JSON is [{bundle, unit, files: {NAME: {images, median_ms, score: {metric: {abs_rel, rmse_m,
-close}, aligned: {...}, scale_log, within_spread}}}}].
+close}, aligned: {...}, scale_log, within_spread}}}}]; metric and scale_log are null unless depth is
+metric.
 """
 
 
@@ -69,7 +70,6 @@ def _print(report: dict[str, Any]) -> None:
                     f"{kind:<8}  {error['abs_rel']:>7.3f}  {error['rmse_m']:>7.3f}  "
                     f"{error['close']:>10.1%}"
                 )
-        print(
-            f"ln scale off by {score['scale_log']:.3f} (rms); "
-            f"{score['within_spread']:.0%} of pixels within the stated uncertainty"
-        )
+        if score["scale_log"] is not None:
+            print(f"ln scale off by {score['scale_log']:.3f} (rms)")
+        print(f"{score['within_spread']:.0%} of pixels within the stated uncertainty")

@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_bench.drone.flights import fly
 from dfvs_bench.drone.levelled import levelled_task
-from dfvs_bench.drone.limits import limits_in_force
+from dfvs_bench.drone.limits import depth_network, settings_in_force, velocity_limits
 from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
@@ -25,7 +25,7 @@ from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
-from dfvs_models.catalog import load_matcher
+from dfvs_models.catalog import load_depth_network, load_matcher
 from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
@@ -91,6 +91,8 @@ def run(args: argparse.Namespace) -> int:
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = [levelled_task(task) for task in tasks_from(args)]
     setting = _setting(args)
+    if setting.network is not None:
+        load_depth_network(setting.network, threads=1)
     args.runs.mkdir(parents=True, exist_ok=True)
     began_s = time.monotonic()
     kept = _kept(args.runs, tasks, setting) if args.resume else {}
@@ -112,6 +114,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     check_outputs(args)
+    if args.json is not None and args.json.resolve().parent == args.runs.resolve():
+        raise ConfigError(
+            f"--json {args.json} lies in --runs, where a JSON file is a flight", "another folder"
+        )
     for name in ("timeout", "ready"):
         if not 0 < getattr(args, name) <= 3600:
             raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
@@ -125,15 +131,17 @@ def _setting(args: argparse.Namespace) -> Setting:
     service = tuple(word for text in args.set for word in ("--set", text))
     if args.config is not None:
         service = ("--config", str(args.config.absolute()), *service)
+    settings = settings_in_force(service)
     return Setting(
         matcher=args.bundle,
         service=service,
-        limits=limits_in_force(service),
+        limits=velocity_limits(settings),
         seed=args.seed,
         timeout_s=args.timeout,
         ready_s=args.ready,
         revision=git_revision(),
         config=args.config,
+        network=depth_network(settings),
         conditions=conditions_from(args),
         autopilot=args.autopilot,
         ground=args.ground,

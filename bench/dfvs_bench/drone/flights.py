@@ -90,7 +90,7 @@ def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -
         version=version("dfvs"),
         revision=setting.revision,
         timeout_s=setting.timeout_s,
-        inputs=input_digest(task, setting.matcher, setting.config),
+        inputs=input_digest(task, setting.matcher, setting.config, setting.network),
         estimate=setting.options.estimate,
         wind=setting.options.wind,
         autopilot=setting.autopilot,

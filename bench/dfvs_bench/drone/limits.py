@@ -1,21 +1,21 @@
-"""The limits that a service flies by, asked of the service itself."""
+"""The settings that a service flies by, asked of the service itself."""
 
 import math
 import subprocess
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.servo.config import BY_NETWORK
 
 _TIMEOUT_S = 60.0
 
 
-def limits_in_force(words: Sequence[str]) -> VelocityLimits:
-    """Limits of a service with these words: the lower of the servo law's and the gate's.
-
-    The reduced speed of the first moments (``gate.reduced_speed_m_s``) is not among them.
+def settings_in_force(words: Sequence[str]) -> dict[str, Any]:
+    """All settings of a service with these words, by section and key.
 
     Parameters
     ----------
@@ -39,7 +39,19 @@ def limits_in_force(words: Sequence[str]) -> VelocityLimits:
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()[-1:] or ["nothing"]
         raise ConfigError(f"dfvs-service refuses its settings: {said[0].removeprefix('error: ')}")
-    settings = tomllib.loads(done.stdout)
+    return tomllib.loads(done.stdout)
+
+
+def depth_network(settings: Mapping[str, Any]) -> str | None:
+    """Bundle of the depth network that perception needs with these settings, if any."""
+    return settings["depth"]["model"] if settings["servo"]["depth"] in BY_NETWORK else None
+
+
+def velocity_limits(settings: Mapping[str, Any]) -> VelocityLimits:
+    """Limits with these settings: the lower of the servo law's and the gate's.
+
+    The reduced speed of the first moments (``gate.reduced_speed_m_s``) is not among them.
+    """
     servo, gate = settings["servo"], settings["limits"]
     return VelocityLimits(
         horizontal_m_s=min(servo["max_horizontal_m_s"], gate["horizontal_m_s"]),

@@ -34,6 +34,8 @@ class Setting:
         Of the program.
     config : Path or None
         Settings file of the service, which ``service`` names too.
+    network : str or None
+        Bundle of the depth network that these words ask for.
     conditions : Conditions
         State estimate and wind of the simulated vehicle.
     autopilot, ground, system_id : str, str and int, or None
@@ -48,6 +50,7 @@ class Setting:
     ready_s: float
     revision: str
     config: Path | None = None
+    network: str | None = None
     conditions: Conditions = field(default_factory=Conditions)
     autopilot: str | None = None
     ground: str | None = None
@@ -112,7 +115,7 @@ class FlightRecord:
     timeout_s : float
         How long the flight might have taken.
     inputs : str
-        Hash of scene, intrinsics, matcher and settings file; see ``input_digest``.
+        Hash of scene, intrinsics, networks and settings file; see ``input_digest``.
     estimate, wind : str or None
         What the simulated vehicle was flown with, see ``Conditions``; None beside another one.
     autopilot : str or None
@@ -215,5 +218,5 @@ def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
         and same == wanted
         and record.version == version("dfvs")
         and record.end_state != NOT_READY
-        and record.inputs == input_digest(task, setting.matcher, setting.config)
+        and record.inputs == input_digest(task, setting.matcher, setting.config, setting.network)
     )

@@ -7,7 +7,7 @@ from statistics import NormalDist
 import matplotlib.pyplot as plt
 import numpy as np
 
-from dfvs_bench.lockstep.record import SimulatedFlight
+from dfvs_bench.lockstep.record import DISTANCE_FROM_M, SimulatedFlight
 
 
 def plot_calibration(flights: Sequence[SimulatedFlight], path: Path) -> None:
@@ -19,8 +19,8 @@ def plot_calibration(flights: Sequence[SimulatedFlight], path: Path) -> None:
     most = 100.0 * float(max(np.quantile(spreads, 0.99), 0.05)) if len(spreads) else 5.0
     left.plot([0.0, most], [0.0, most], "k-", lw=1, label="one standard deviation")
     left.plot([0.0, most], [0.0, 2.0 * most], "k--", lw=1, label="two")
-    left.set(xlabel="stated uncertainty, %", ylabel="error of the distance, %", xlim=(0, most))
-    left.set_ylim(0, 3.0 * most)
+    left.set(xlabel="stated uncertainty, %", xlim=(0, most), ylim=(0, 3.0 * most))
+    left.set_ylabel(f"error of the distance after {DISTANCE_FROM_M:g} m of path, %")
     left.legend(frameon=False)
     k = np.linspace(0.0, 3.0, 61)
     shares = [float(np.mean(np.abs(errors) <= x * spreads)) if len(errors) else 0.0 for x in k]

@@ -15,7 +15,8 @@ from dfvs_core.servo.exchange import Status
 from dfvs_sim.demo.flight.track import CONVERGED_M, CONVERGED_RAD, meets_criterion
 
 FALSE_DONE_M, FALSE_DONE_DEG = 3.0 * CONVERGED_M, 3.0 * math.degrees(CONVERGED_RAD)
-_FIRST_METRE_M = 1.0
+DISTANCE_FROM_M = 1.0
+"""Path after which the distance to the goal is compared with the truth."""
 _LEAST_DISTANCE_M = 0.1
 """Distance to the goal below which its relative error says nothing."""
 
@@ -29,8 +30,8 @@ class SimulatedFlight:
     ``start_m`` is the distance to the goal at the release, None where there was none. ``moved_m``
     is how far the camera had moved when the flight ended. ``hold_rms_m`` and
     ``hold_heading_rms_deg`` are of the time after DONE. ``distance_error`` are the logarithms of
-    estimated over true distance, from the first metre on, and ``distance_spread`` what was stated
-    for them.
+    estimated over true distance after ``DISTANCE_FROM_M`` of path and 10 cm or more from the goal,
+    and ``distance_spread`` what was stated for them.
     """
 
     seed: int
@@ -104,7 +105,7 @@ def _heading_error_deg(sample: Sample, T_scene_goal: FloatArray) -> float:
 
 
 def _distance_errors(samples: Sequence[Sample]) -> tuple[list[float], list[float]]:
-    """Logarithms of estimated over true distance from the first metre on, and their spreads."""
+    """Logarithms of estimated over true distance after the first metre, and their spreads."""
     errors, spreads = [], []
     way_m, last = 0.0, None
     for s in samples:
@@ -114,7 +115,7 @@ def _distance_errors(samples: Sequence[Sample]) -> tuple[list[float], list[float
         result = s.result
         if result is None or result.status is not Status.OK or result.uncertainty is None:
             continue
-        if way_m >= _FIRST_METRE_M and s.error_m >= _LEAST_DISTANCE_M and result.error_m > 0.0:
+        if way_m >= DISTANCE_FROM_M and s.error_m >= _LEAST_DISTANCE_M and result.error_m > 0.0:
             errors.append(math.log(result.error_m / s.error_m))
             spreads.append(result.uncertainty.error_m / result.error_m)
     return errors, spreads
@@ -143,6 +144,9 @@ def summarise(flights: Sequence[SimulatedFlight]) -> dict[str, Any]:
         "hold_rms_m": _rms(held),
         "worst_hold_rms_m": largest(held),
         "worst_hold_heading_deg": largest([f.hold_heading_rms_deg for f in done]),
+        "distance_from_m": DISTANCE_FROM_M,
+        "distance_frames": len(errors),
+        "distance_flights": sum(bool(f.distance_error) for f in flights),
         "distance_error_median": float(np.median(relative)) if len(relative) else None,
         "distance_error_95": float(np.percentile(relative, 95)) if len(relative) else None,
         "within_stated_1_sigma": _share(np.abs(errors) <= spreads),

@@ -49,11 +49,11 @@ class GoalObservation:
     image: ImageArray
     depth: DepthMap
 
-    @property
-    def median_depth_m(self) -> float | None:
-        """Median of the depth over its valid pixels; None where none is."""
-        known = self.depth.z_m[self.depth.validity > 0]
-        return float(np.median(known)) if known.size else None
+
+def median_depth_m(depth: DepthMap) -> float | None:
+    """Median over the valid pixels; None where none is."""
+    known = depth.z_m[depth.validity > 0]
+    return float(np.median(known)) if known.size else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from dfvs_bench.methods.method import FRAME_PERIOD_S
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_core.errors import ConfigError
@@ -90,8 +91,9 @@ def draw_controller(records: Sequence[TrialRecord]) -> Figure:
     _errors(panels["error"], records, styles)
     _speeds(panels["linear"], records, styles, slice(0, 3))
     _speeds(panels["angular"], records, styles, slice(3, 6))
-    panels["linear"].set(title="(b) Linear velocity", ylabel="m/s")
-    panels["angular"].set(title="(c) Angular velocity", ylabel="rad/s")
+    period = f"÷ {FRAME_PERIOD_S:g} s"
+    panels["linear"].set(title="(b) Linear velocity", ylabel=f"m {period}")
+    panels["angular"].set(title="(c) Angular velocity", ylabel=f"rad {period}")
     _paths((panels["above"], panels["aside"]), records, styles)
     lines, names = panels["above"].get_legend_handles_labels()
     figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)

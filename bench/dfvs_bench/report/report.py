@@ -92,7 +92,7 @@ def basin_section(outcomes: Sequence[Outcome]) -> str:
 def drone_section(records: Sequence[FlightRecord]) -> str:
     """HTML of the flights, with their heading."""
     summary = summary_line(summarise(records))
-    return render("drone.html.j2", records=records, limits=records[0].limits, summary=summary)
+    return render("drone.html.j2", records=records, summary=summary)
 
 
 def _are_default(tasks: Sequence[BenchTask]) -> bool:

@@ -126,5 +126,6 @@ def fits(
         same_poses((record.start, record.goal), task.poses)
         and (record.matcher, record.most_iterations) == (matcher, most_iterations)
         and record.version == version("dfvs")
+        and (not record.perturbation or record.seed == task.seed)
         and record.inputs == input_digest(task, matcher, network=network)
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from dfvs_bench.methods.method import Networks
+from dfvs_bench.methods.method import Networks, median_depth_m
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.trials.perturbation import (
     Disturbance,
@@ -133,7 +133,7 @@ def _make_trial(job: Job) -> TrialRecord:
         inputs=input_digest(job.task, job.matcher, network=job.network),
         seed=job.task.seed,
         perturbation=job.condition,
-        median_depth_m=goal.median_depth_m,
+        median_depth_m=median_depth_m(goal.depth),
     )
 
 

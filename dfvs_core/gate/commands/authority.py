@@ -102,7 +102,7 @@ class Authority:
             return "its challenge was used or is too old"
         mac = command_mac(key, command)
         if not hmac.compare_digest(mac.encode(), signed.mac.encode(errors="replace")):
-            return "wrong signature"
+            return "wrong signature, use the key of this vehicle (gate.command_key_file)"
         return ""
 
     def _rotate(self, now_ns: int) -> None:

@@ -53,8 +53,12 @@ def depth_accuracy(measured: Mapping[str, MeasuredDepth]) -> str:
         if e is not None
     ]
     scales = [
-        f"On `{name}` ln of the scale is off by {r.score.scale_log:.2f} (rms), and "
+        f"On `{name}` {_scale_error(r.score.scale_log)}"
         f"{100 * r.score.within_spread:.0f} % of pixels lie within the stated uncertainty."
         for name, r in measured.items()
     ]
     return "\n".join([*markdown_table(_DEPTH_HEADS, rows), "", *scales])
+
+
+def _scale_error(scale_log: float | None) -> str:
+    return "" if scale_log is None else f"ln of the scale is off by {scale_log:.2f} (rms), and "

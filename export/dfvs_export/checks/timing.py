@@ -15,6 +15,7 @@ import numpy as np
 from dfvs_common.child import end_worker_with_parent
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_export.bundles.runner import BundleRunner
 from dfvs_models.bundle import read_bundle
 
@@ -49,8 +50,7 @@ class BenchResult:
     precision : str
         ``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says.
     median_ms, p99_ms : float
-        One frame: encode it and match it to a goal whose features are kept (``encode-match``),
-        or the whole network (``pair``, ``mono``).
+        The networks' part of one frame: see ``run_frame``.
     resident_mb : float
         Most memory that the process held, MB.
     """
@@ -135,11 +135,22 @@ def _prepare(folder: Path, plan: BenchPlan) -> None:
     try:
         runner = BundleRunner(read_bundle(folder), plan.threads)
         goal = runner.encode(images[1])
-        _bundle_run[:] = [lambda: runner.match(runner.encode(images[0]), goal)]
+        _bundle_run[:] = [lambda: run_frame(runner, images[0], goal)]
         for _ in range(_WARM_UP):
             _run()
     except (DfvsError, ValueError, cv2.error) as error:  # also what is not as its manifest says
         raise ModelError(f"bundle {folder.name} cannot be run: {error}") from error
+
+
+def run_frame(runner: BundleRunner, image: ImageArray, goal: list[Float32Array]) -> None:
+    """Run the graphs as often as a frame does: encoded and matched, a ``pair`` network both ways.
+
+    ``goal`` is what ``runner.encode`` gave of the goal image.
+    """
+    frame = runner.encode(image)
+    runner.match(frame, goal)
+    if runner.bundle.manifest.kind == "pair":
+        runner.match(goal, frame)
 
 
 def _run() -> float:

@@ -74,7 +74,7 @@ def _figures(measured: Mapping[str, MeasuredDepth]) -> dict[str, float]:
     if not measured:
         return {}
     scores = mean_score([result.score for result in measured.values()])
-    figures = {"aligned_abs_rel": scores.aligned.abs_rel, "scale_log": scores.scale_log}
-    if scores.metric is not None:
-        figures["metric_abs_rel"] = scores.metric.abs_rel
+    figures = {"aligned_abs_rel": scores.aligned.abs_rel}
+    if scores.metric is not None and scores.scale_log is not None:
+        figures |= {"metric_abs_rel": scores.metric.abs_rel, "scale_log": scores.scale_log}
     return figures

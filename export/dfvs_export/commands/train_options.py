@@ -20,7 +20,13 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     )
     _add_training(train, learning_rate=2e-4)
     add = train.add_argument
-    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
+    add(
+        "--from",
+        dest="start",
+        type=Path,
+        metavar="FILE",
+        help="checkpoint or published wheel (default: the shipped weights)",
+    )
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
     train.set_defaults(run=_training("flow", "train", "FlowTrainSettings"))
@@ -77,7 +83,7 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
     add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
     add("--minutes", type=float, default=60.0)
     add("--learning-rate", type=float, default=learning_rate)
-    add("--seed", type=int, default=0)
+    add("--seed", type=int, default=0, help="of all draws; another one to go on from a checkpoint")
     add("--threads", type=int, default=2)
 
 

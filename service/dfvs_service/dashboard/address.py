@@ -1,14 +1,14 @@
-"""Addresses of the dashboard's page, and the origins that they allow."""
+"""Addresses of the dashboard's page."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
-"""Names that always mean this machine."""
-
 _DEFAULT_PORTS = {"http": 80, "https": 443}
+_LOOPBACK = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
+"""This machine, on any port: that of an SSH tunnel is not ours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,10 @@ class PublicAddress:
             hosts.update(lower)
         return cls(scheme, frozenset(hosts))
 
-    @property
-    def origins(self) -> frozenset[str]:
-        """Value of a browser's ``Origin`` header for our own page."""
-        return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
+    def is_served(self, host: str) -> bool:
+        """Whether a browser's ``Host`` header names this page."""
+        return host.lower() in self.hosts or _LOOPBACK.fullmatch(host.lower()) is not None
+
+    def is_own_origin(self, origin: str, host: str) -> bool:
+        """Whether a browser's ``Origin`` header is that of the page at ``host``."""
+        return origin.lower() == f"{self.scheme}://{host.lower()}"

@@ -16,12 +16,13 @@ from dfvs_common.clock import local_clock
 from dfvs_service.dashboard.async_bridge import AsyncBridge
 from dfvs_service.dashboard.client_session import AppContext, ClientSession
 from dfvs_service.dashboard.command_queue import CommandQueue
-from dfvs_service.dashboard.hub import MAX_VEHICLES, Clock, Hub
+from dfvs_service.dashboard.hub import Clock, Hub
 from dfvs_service.dashboard.origin_check import OriginCheckMiddleware
 from dfvs_service.dashboard.settings import DashboardSettings
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.receiver import Receiver
 from dfvs_service.dashboard.vehicles.sample import Arrival
+from dfvs_service.dashboard.vehicles.vehicle_links import VehicleLinks
 from dfvs_service.settings.sections import ZenohSection
 
 PAGE = Path(__file__).parent / "page"
@@ -46,9 +47,10 @@ class Dashboard:
     def __init__(self, settings: DashboardSettings, clock: Clock = present_moment) -> None:
         self.address = settings.address
         self.hub = Hub(clock, self._watch, local_clock())
-        self._reached_by: dict[str, ZenohSection] = {}
+        self._clock = clock
+        self._vehicle_links = VehicleLinks()
         key = settings.command_key
-        command_queue = None if key is None else CommandQueue(key, self._reached_by.get)
+        command_queue = None if key is None else CommandQueue(key, self._vehicle_links.get)
         self.context = AppContext(self.hub, settings.tokens, command_queue, clock)
         self._links = settings.links
         self._receivers: list[Receiver] = []
@@ -64,7 +66,8 @@ class Dashboard:
             while True:
                 await asyncio.sleep(_TICK_S)
                 connected = sum(receiver.is_connected for receiver in self._receivers)
-                self.hub.tick({"zenoh": {"connected": connected, "links": len(self._receivers)}})
+                zenoh = {"connected": connected, "links": len(self._receivers)}
+                self.hub.tick({"zenoh": zenoh | {"warnings": self._vehicle_links.warnings()}})
         finally:
             for receiver in self._receivers:
                 await asyncio.to_thread(receiver.close)
@@ -72,9 +75,8 @@ class Dashboard:
 
     def _receiver(self, link: ZenohSection, bridge: AsyncBridge) -> Receiver:
         def deliver(arrival: Arrival) -> None:
-            if arrival.stream == "state" and len(self._reached_by) < MAX_VEHICLES:
-                self._reached_by[arrival.vehicle] = link
-            bridge.deliver(arrival)
+            if self._vehicle_links.admit(arrival.vehicle, link, self._clock().t_ns):
+                bridge.deliver(arrival)
 
         return Receiver(link, deliver)
 

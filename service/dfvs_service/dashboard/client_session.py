@@ -14,6 +14,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.link import MOUNTING_SCORE
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.command_queue import STOPS, CommandQueue
 from dfvs_service.dashboard.hub import Clock, Hub
 from dfvs_service.dashboard.messages import commanded_goal, read_message
@@ -131,6 +132,7 @@ class ClientSession:
             "needs_token": not self._context.tokens.is_open,
             "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},
             "mounting_score": MOUNTING_SCORE,
+            "max_goal_bytes": MAX_MESSAGE_BYTES,
         }
 
     async def _send(self) -> None:

@@ -7,7 +7,7 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import image_size
-from dfvs_service.command import send_command
+from dfvs_service.command import UnansweredError, send_command
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.sections import VehicleSection, ZenohSection
 
@@ -48,6 +48,8 @@ class CommandQueue:
         """
         try:
             answer = self._give(vehicle, word, goal)
+        except UnansweredError as error:
+            return False, f"not answered: {error}"
         except DfvsError as error:
             return False, f"not sent: {error}"
         return answer.startswith("accepted"), answer

@@ -14,9 +14,8 @@ from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicles.vehicle_links import MAX_VEHICLES
 from dfvs_service.dashboard.vehicles.vehicle_model import Update, VehicleModel
-
-MAX_VEHICLES = 64
 
 _TABLES = frozenset({"servo", "path", "transitions"})
 

@@ -49,12 +49,11 @@ class OriginCheckMiddleware:
     def _refusal(self, scope: Scope) -> str | None:
         """Why a request is not served, or None."""
         headers = Headers(scope=scope)
-        if [host.lower() for host in headers.getlist("host")] not in (
-            [host] for host in self._address.hosts
-        ):
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or not self._address.is_served(hosts[0]):
             return "this host name is not served here; see dfvs-dashboard --name"
         origins = headers.getlist("origin")
-        is_ours = len(origins) == 1 and origins[0].lower() in self._address.origins
+        is_ours = len(origins) == 1 and self._address.is_own_origin(origins[0], hosts[0])
         if scope["type"] == "websocket":
             return None if is_ours else "only this page may open a connection here"
         if scope["method"] not in ("GET", "HEAD"):

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.command import operators_zenoh
-from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
+from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.tokens import Tokens
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.settings.sections import ZenohSection
+from dfvs_service.zenoh_session import require_usable_files
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
     if not is_loopback(arguments.host):
         _check_exposure(arguments, tokens, is_secure=is_secure)
     _check_port(arguments.host, arguments.port)
-    names = (*LOOPBACK_NAMES, *map(_url_name, (arguments.host, *arguments.name)))
+    names = map(_url_name, (arguments.host, *arguments.name))
     return DashboardSettings(
         address=PublicAddress.of(names, arguments.port, secure=is_secure),
         links=_links(arguments),
@@ -135,6 +136,7 @@ def _url_name(host: str) -> str:
 
 def _links(arguments: Namespace) -> tuple[ZenohSection, ...]:
     zenoh = load_config(arguments.config, {}).zenoh
+    require_usable_files(zenoh)
     if not arguments.connect:
         return (operators_zenoh(zenoh),)
     return tuple(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dfvs_core.gate.config import S
+from dfvs_core.gate.states import GateState
 from dfvs_service.flights import layout
 from dfvs_service.flights.store import folder_bytes, is_running, parts_of
 
@@ -32,7 +33,8 @@ class FlightSummary:
     """What happened in a flight.
 
     ``duration_s`` is the time from the start to the last record; ``exit_code`` is the service's,
-    None where it was not recorded; ``told`` are the errors and warnings shown to the user.
+    None where it was not recorded; ``told`` are the errors, warnings and refusing checks
+    shown to the user.
     """
 
     name: str
@@ -112,7 +114,10 @@ def _verdict(
     if not states:
         return f"ended with exit code {code} before the first state"
     last = states[-1]
-    return f"ended in {last.state}: {last.cause}" + (f" ({last.detail})" if last.detail else "")
+    verdict = f"ended in {last.state}: {last.cause}" + (f" ({last.detail})" if last.detail else "")
+    waits = [line for line in told if line.startswith("not ready: ")]
+    was_ready = any(change.state == GateState.READY for change in states)
+    return verdict if was_ready or not waits else f"{verdict}; {waits[-1]}"
 
 
 def _state_change(record: dict[str, Any], start_ns: int) -> StateChange:

@@ -1,5 +1,6 @@
 """Folder of all flights: location, names, and removal of the oldest."""
 
+import contextlib
 import fcntl
 import itertools
 import os
@@ -104,6 +105,7 @@ class FlightStore:
     def create(self, vehicle: str, t_unix_s: float) -> tuple[Path, IO[str]]:
         """Make the folder of a new flight, readable by its owner alone, and mark it as running.
 
+        It is the newest, whatever the clock says: where that stepped back, the name's number grows.
         The mark is the file's lock, which goes when the file is closed, or with the process.
 
         Raises
@@ -112,13 +114,15 @@ class FlightStore:
             If it cannot be made.
         """
         self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        name = flight_name(vehicle, t_unix_s)
-        for free in itertools.chain([name], (f"{name}.{n}" for n in itertools.count(2))):
-            try:
-                (self.path / free).mkdir(mode=0o700)
-            except FileExistsError:
+        newest = max(map(_order, self._found()), default=(1, "", ""))
+        date_name = flight_name(vehicle, t_unix_s)
+        for number in itertools.count(newest[0]):
+            name = date_name if number == 1 else f"{date_name}.{number}"
+            if _order(name) <= newest:
                 continue
-            return self.path / free, _lock(self.path / free)
+            with contextlib.suppress(FileExistsError):
+                (self.path / name).mkdir(mode=0o700)
+                return self.path / name, _lock(self.path / name)
         raise RuntimeError("the endless row of names has ended")
 
     def make_room(self, max_bytes: int) -> list[str]:
@@ -182,8 +186,9 @@ def folder_bytes(folder: Path) -> int:
     return sum(file_bytes(Path(where) / name) for where, _, names in walk for name in names)
 
 
-def _order(name: str) -> tuple[str, int, str]:
+def _order(name: str) -> tuple[int, str, str]:
+    """Key of the order in which flights were made: the number first, since clocks step back."""
     match = _NAME.fullmatch(name)
     if match is None:
-        return "", 0, name
-    return match["date"], int(match["number"] or 1), match["vehicle"]
+        return 0, "", name
+    return int(match["number"] or 1), match["date"], match["vehicle"]

@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 
 from dfvs_common.clock import local_clock
+from dfvs_common.progress import warn
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.goal import GoalSidecar, Mount, mount_difference
 from dfvs_core.messages.goal_command import GoalCommand
@@ -183,7 +184,7 @@ class PerceptionProcess:
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
-            log.warning("%s", self._goal_flaw)
+            warn(self._goal_flaw)
             return
         if difference := mount_difference(self._flown.mount, self._goal.sidecar.mount):
             log.warning("%s", difference)

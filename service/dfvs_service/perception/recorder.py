@@ -39,6 +39,7 @@ class FrameRecorder:
         self, config: ServiceConfig, clock: bytes, tick: Callable[[], int] = time.monotonic_ns
     ) -> None:
         self._vehicle, self._clock, self._tick = config.vehicle.name, clock.hex(), tick
+        self._unix_offset_ns = time.time_ns() - tick()
         self._settings: dict[str, Any] = dump(config)
         self._build, self._model = build_versions(), perception_files(config)
         self._next_record = 0
@@ -55,7 +56,7 @@ class FrameRecorder:
             first_turn=self._next_record,
             opened_ns=self._header_ns,
             clock=self._clock,
-            unix_offset_ns=time.time_ns() - self._header_ns,
+            unix_offset_ns=self._unix_offset_ns,
             build=self._build,
             model=self._model,
             settings=self._settings,

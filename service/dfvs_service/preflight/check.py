@@ -34,6 +34,7 @@ from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime, su
 from dfvs_service.zenoh_session import inner_zenoh
 
 _ERROR = "error: "
+_CRASHED = "check once more with --runtime-dir DIR: all that its processes said is in DIR/*.err"
 _FOR_EVER_S = 600.0
 
 
@@ -101,7 +102,7 @@ def _watch(
     parent = Parent(runtime, Programs(), observer)
     observer.end = lambda: parent.stop(signal.SIGTERM, None)
     supervise(parent)
-    return observer.results()
+    return observer.results(parent.loss)
 
 
 def watching(config: ServiceConfig) -> ServiceConfig:
@@ -146,8 +147,10 @@ class Observer:
             self.is_done = True
             self.end()
 
-    def results(self) -> tuple[Check, ...]:
+    def results(self, loss: str = "") -> tuple[Check, ...]:
         """Newest checks of the gate; one that fails, where it had no time to make any.
+
+        ``loss`` says how a process crashed that had to run on, which is a check that fails.
 
         Raises
         ------
@@ -156,6 +159,8 @@ class Observer:
         """
         if self.is_done and self.checks:
             return self.checks
+        if loss:
+            return (*self.checks, Check("service", False, loss, _CRASHED))
         errors = [line.removeprefix(_ERROR) for line in self.lines if line.startswith(_ERROR)]
         if errors:
             raise DfvsError(errors[-1])

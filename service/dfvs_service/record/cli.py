@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals, run_command
-from dfvs_common.progress import StatusLine, log
+from dfvs_common.progress import StatusLine, log, warn
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -84,7 +84,7 @@ def _recover(words: Sequence[str]) -> int:
 
     source: Path = arguments.file
     target = arguments.out or source.with_name(f"{source.stem}-recovered.mcap")
-    count = recover(source, target)
+    count = recover(source, target, warn)
     print(f"{count} messages in {target}")
     return EXIT_OK if count else EXIT_FAILED
 

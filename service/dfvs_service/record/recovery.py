@@ -1,5 +1,6 @@
 """Repair of the index of a recording that was cut off."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ from dfvs_service.record.mcap_file import CHUNK_BYTES
 from dfvs_service.record.reading import RecordingError, open_records
 
 
-def recover(source: Path, target: Path) -> int:
+def recover(source: Path, target: Path, warn: Callable[[str], None]) -> int:
     """Copy all that can be read of a recording to a new, whole file; how many messages it holds.
+
+    ``warn`` takes a line about what could not be read.
 
     Raises
     ------
@@ -22,7 +25,7 @@ def recover(source: Path, target: Path) -> int:
     if target.exists():
         raise RecordingError(f"{target} exists", "a name that is free")
     try:
-        with open_records(source) as records, partial.open("wb") as file:
+        with open_records(source, warn) as records, partial.open("wb") as file:
             count = _copy(records, file)
         partial.rename(target)
     except OSError as error:
@@ -42,13 +45,14 @@ def _copy(records: Any, file: Any) -> int:
         if isinstance(record, Schema) and record.id not in schemas:
             schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
         elif isinstance(record, Channel) and record.id not in channels:
-            schema = schemas[record.schema_id]
-            channels[record.id] = writer.register_channel(
-                record.topic, record.message_encoding, schema, record.metadata
-            )
+            if record.schema_id in schemas:  # else it was in a damaged chunk
+                schema = schemas[record.schema_id]
+                channels[record.id] = writer.register_channel(
+                    record.topic, record.message_encoding, schema, record.metadata
+                )
         elif isinstance(record, Metadata):
             writer.add_metadata(record.name, record.metadata)
-        elif isinstance(record, Message):
+        elif isinstance(record, Message) and record.channel_id in channels:
             count += 1
             writer.add_message(
                 channels[record.channel_id],

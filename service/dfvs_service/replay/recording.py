@@ -17,7 +17,7 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
 from dfvs_service.record.messages import channels
-from dfvs_service.record.reading import RecordingError, open_records
+from dfvs_service.record.reading import NotMcapError, RecordingError, open_records
 
 _BETWEEN_RUNS_NS = 1 * S
 """A run is shown so long after the one before, however long the time between them was."""
@@ -75,32 +75,31 @@ def read_recording(paths: Sequence[Path], warn: Callable[[str], None] = log) -> 
     paths : sequence of Path
         Files of the recording, in any order.
     warn : callable
-        Takes a line about each file whose frame records are repeated.
+        Takes a line about what is left out of a file: damaged, or repeated.
 
     Raises
     ------
     RecordingError
-        If a file cannot be read, or is no recording of a flight.
+        If a file cannot be read or is no recording of a flight, or the files are of two vehicles.
     """
-    yield from _in_runs(_once(paths, warn))
+    yield from _in_runs(_of_one_vehicle(_once(paths, warn)))
 
 
 def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]:
     """Entries of the files without what is repeated."""
     newest: dict[int, int] = {}  # number of the newest frame record of each session header
     for path in in_order(paths):
-        repeated = 0
-        for entry in _entries(path):
+        repeated = headless = 0
+        for entry in _entries(path, warn):
             message = entry.message
             if isinstance(message, SessionHeader):
                 if message.opened_ns in newest:
                     continue
                 newest[message.opened_ns] = -1
-            elif not newest:
-                raise RecordingError(
-                    f"{path} holds frame records without a session header", "a whole recording"
-                )
-            elif message.number <= newest.get(message.opening, -1):
+            elif message.opening not in newest:
+                headless += 1
+                continue
+            elif message.number <= newest[message.opening]:
                 repeated += 1
                 continue
             else:
@@ -108,8 +107,27 @@ def _once(paths: Sequence[Path], warn: Callable[[str], None]) -> Iterator[Entry]
             yield entry
         if repeated:
             warn(f"{path.name}: {repeated} frame records that other files hold are left out")
+        if headless:
+            warn(f"{path.name}: frame records without their session header left out: {headless}")
     if not newest:
-        raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+        raise RecordingError(
+            f"{paths[0]} is not a recording of a flight, or its session header is damaged",
+            "a file of dfvs-record",
+        )
+
+
+def _of_one_vehicle(entries: Iterable[Entry]) -> Iterator[Entry]:
+    """Entries as they are; RecordingError where another vehicle's follow."""
+    vehicle = ""
+    for entry in entries:
+        if isinstance(entry.message, SessionHeader):
+            vehicle = vehicle or entry.message.vehicle
+            if entry.message.vehicle != vehicle:
+                raise RecordingError(
+                    f"the files are of {vehicle} and of {entry.message.vehicle}",
+                    "the files of one vehicle",
+                )
+        yield entry
 
 
 def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
@@ -138,11 +156,19 @@ def in_order(paths: Sequence[Path]) -> list[Path]:
     return sorted(paths, key=lambda path: (path.parent, path.stem))
 
 
-def _entries(path: Path) -> Iterator[Entry]:
+def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
+    """Whole entries of a file; none where a power cut left it empty."""
+    try:
+        yield from _whole_entries(path, warn)
+    except NotMcapError as error:
+        warn(f"{error.problem}: left out")
+
+
+def _whole_entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
     """Whole entries of a file, in its order."""
     topics: dict[int, str] = {}
     entry: Entry | None = None
-    with open_records(path) as records:
+    with open_records(path, warn) as records:
         for record in records:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic

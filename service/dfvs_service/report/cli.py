@@ -60,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
         "flight",
         nargs="+",
         metavar="FLIGHT",
-        help="name, 'latest', a flight's folder, or the files of a recording (MCAP)",
+        help="a flight's folder or name, 'latest', or the files of a recording (MCAP)",
     )
     add(
         "--out",
@@ -120,9 +120,11 @@ def _write(arguments: argparse.Namespace) -> int:
 def _source(arguments: argparse.Namespace) -> FlightSource:
     """Records of the flight that was named."""
     paths = [Path(word) for word in arguments.flight]
-    if len(paths) == 1 and paths[0].suffix != MCAP and paths[0].name == arguments.flight[0]:
+    word = arguments.flight[0]
+    is_here = word != "latest" and paths[0].is_dir()
+    if len(paths) == 1 and paths[0].suffix != MCAP and paths[0].name == word and not is_here:
         flights = flights_folder(settings_from(arguments).black_box, os.environ)
-        paths = [FlightStore(flights).folder(paths[0].name)]
+        paths = [FlightStore(flights).folder(word)]
     return open_flight(*paths)
 
 

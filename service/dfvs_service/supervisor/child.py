@@ -4,11 +4,16 @@ import contextlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.child import start_child
-from dfvs_common.lifecycle import ONE_BLAS_THREAD
+from dfvs_common.child import describe_end, start_child
+from dfvs_common.lifecycle import EXIT_FAILED, ONE_BLAS_THREAD
+
+LEAST_END_S = 0.15
+_KILLED_END_S = 0.8
+_TAIL_BYTES = 4096
 
 STEADY_HEAP = {
     "MALLOC_ARENA_MAX": "1",
@@ -68,6 +73,17 @@ class Child:
         """Exit code (negative: killed by that signal), None while it runs."""
         return self._process.poll()
 
+    @property
+    def ending(self) -> str:
+        """How it ended, in words: with the last line of its standard error where it failed."""
+        code = self.code
+        if code != EXIT_FAILED:
+            return describe_end(code)
+        with self._stderr.open("rb") as file:
+            file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
+            *_, last = ["", *file.read().decode(errors="replace").splitlines()]
+        return f"{describe_end(code)} ({last})" if last else describe_end(code)
+
     def ping(self) -> None:
         """Show that the parent lives."""
         with contextlib.suppress(BlockingIOError, BrokenPipeError):
@@ -86,6 +102,14 @@ class Child:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
         return self.code is not None
+
+    def end_by(self, until_s: float) -> None:
+        """End it in an orderly way, or by force after that time (monotonic)."""
+        if self.code is None:
+            self.terminate()
+        if not self.wait(max(until_s - time.monotonic(), LEAST_END_S)):
+            self.kill()
+            self.wait(_KILLED_END_S)
 
     def new_errors(self) -> list[str]:
         """Whole lines that it wrote to its standard error since the last call."""

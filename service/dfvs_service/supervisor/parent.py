@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dfvs_common.child import describe_end
 from dfvs_common.lifecycle import EXIT_CANNOT_RUN, EXIT_FAILED, handle_ending_signals
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import MS
@@ -28,12 +27,13 @@ from dfvs_core.messages.link import ServiceFault, to_datagram
 from dfvs_core.messages.schema import from_json
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.child import Child
+from dfvs_service.supervisor.child import LEAST_END_S, Child
 from dfvs_service.supervisor.console import Display
 from dfvs_service.supervisor.console_writer import ConsoleWriter
 from dfvs_service.supervisor.heartbeat import HangDetector, Heartbeat
 from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
+from dfvs_service.supervisor.refusals import StandingRefusals
 from dfvs_service.supervisor.systemd_notify import Notifier
 
 _POLL_S = 0.02
@@ -42,7 +42,6 @@ _SHOW_NS = 200 * MS
 _STOP_LIMIT_S = 1.6
 _END_LIMIT_S = 1.95
 """From the request to stop until nothing runs any more; the gate's own time comes first."""
-_LEAST_END_S = 0.15
 _QUIET_END_S = 0.8
 _CONSOLE_END_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
@@ -116,10 +115,13 @@ class Parent:
         self._notifier = Notifier(os.environ)
         self._hang_detector = HangDetector(time.monotonic_ns())
         self._heartbeat = Heartbeat(0, str(GateState.IDLE), "starting")
+        self._refusals = StandingRefusals()
         self._reported: set[str] = set()
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
         self._stop_by_s: float | None = None
+        self.loss = ""
+        """How a process that had to run on ended, in words; empty where none did."""
         self.is_all_shown = True
         """Whether all lines have reached the terminal, once ``run`` has ended."""
         self._code: int | None = None
@@ -153,9 +155,17 @@ class Parent:
     def _report_end(self) -> None:
         """Say that the gate did not end by itself."""
         code = self._gate.code
-        if code is not None and code < 0 and self._code is None and not self._stop_requested:
-            end = describe_end(code)
-            self._report(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
+        if code is not None and self._code is None and not self._stop_requested:
+            ending = self._lose("the gate", self._gate)
+            if code < 0:
+                self._report(f"error: {ending}; the autopilot's failsafe has the vehicle")
+
+    def _lose(self, name: str, child: Child) -> str:
+        """How a process ended, in words; kept, unless it has said by an error why it cannot run."""
+        ending = f"{name} {child.ending}"
+        if child.code != EXIT_CANNOT_RUN:
+            self.loss = ending
+        return ending
 
     def _step(self) -> None:
         self._listen()
@@ -175,6 +185,8 @@ class Parent:
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
             self._console.show(self._heartbeat)
+            if line := self._refusals.update(self._heartbeat):
+                self._tell(line)
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
@@ -195,7 +207,7 @@ class Parent:
         code = child.code
         if code is None:
             return
-        self._report(f"warning: {name} {describe_end(code)}")
+        self._report(f"warning: {self._lose(name, child)}")
         if self._heartbeat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_FAILED
             self._stop_requested = True
@@ -205,7 +217,7 @@ class Parent:
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
             if child is not None and child.code is not None:
-                self._report_recorder(f"warning: the {name} {describe_end(child.code)}; {loss}")
+                self._report_recorder(f"warning: the {name} {child.ending}; {loss}")
 
     def _report_recorder(self, line: str) -> None:
         """Say a warning of recorder or black box, and have the gate show it to operators."""
@@ -239,14 +251,14 @@ class Parent:
         black_box = self._children.get("black box")
         for child in self._children.values():
             if child is not black_box:
-                _end(child, until_s)
+                child.end_by(until_s)
         self._console.show(self._heartbeat)
         self._pass_on_errors()
         self._report_end()
         self._log.add(time.monotonic_ns(), "end", code=self._exit_code)
-        self._log.close(_LEAST_END_S)
+        self._log.close(LEAST_END_S)
         if black_box is not None:
-            _end(black_box, until_s)
+            black_box.end_by(until_s)
             self._pass_on_errors()
         self.is_all_shown = self._console.close(_CONSOLE_END_S)
         self._socket.close()
@@ -264,17 +276,11 @@ class Parent:
     def _report(self, line: str) -> None:
         if line not in self._reported:
             self._reported.add(line)
-            self._log.add(time.monotonic_ns(), "told", text=line)
-            self._console.log(line)
+            self._tell(line)
 
-
-def _end(child: Child, until_s: float) -> None:
-    """End a child in an orderly way, or by force after that time (monotonic)."""
-    if child.code is None:
-        child.terminate()
-    if not child.wait(max(until_s - time.monotonic(), _LEAST_END_S)):
-        child.kill()
-        child.wait(_QUIET_END_S)
+    def _tell(self, line: str) -> None:
+        self._log.add(time.monotonic_ns(), "told", text=line)
+        self._console.log(line)
 
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:

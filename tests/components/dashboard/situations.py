@@ -81,7 +81,7 @@ SITUATIONS = [
     Situation("abort-phone", ABORT, PHONE),
     Situation("released", RELEASED, theme="dark"),
     Situation("silent-servo", silent(SERVO, 12.0), says="STALE: was SERVO"),
-    Situation("silent-servo-phone", silent(SERVO, 12.0), PHONE, "dark", "silent 12.0 s"),
+    Situation("silent-servo-phone", silent(SERVO, 12.0), PHONE, "dark", "silent"),
     Situation("silent-done", silent(DONE, 6.0)),
     Situation("silent-abort", silent(ABORT, 4.0), theme="dark"),
     Situation("camera-silent", NO_FRAME, says="NO NEW IMAGE FOR 9.0 s"),

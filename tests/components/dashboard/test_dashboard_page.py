@@ -194,10 +194,9 @@ def test_an_operator_signs_in_and_holds_and_engages_after_a_question(field, page
     assert page.page.is_hidden("#operator")
     page.sign_in(field.token)
     page.page.click("#hold:enabled")
-    page.wait_text("answer", "accepted: hold")
+    page.wait_text("answer", "swift: accepted: hold")
     page.wait_text("state", "HOLD")
-    field.swift.enter("READY", "checks passed")
-    page.page.click("#engage:enabled")
+    page.page.click("#engage:enabled", timeout=5_000)
     page.page.click("#confirm-cancel")
     page.page.click("#engage:enabled")
     page.page.click("#confirm-ok")
@@ -218,7 +217,7 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(field, page)
     ]
     page.page.set_input_files("#goal-files", files)
     page.page.click("#confirm-ok")
-    page.wait_text("answer", "accepted: goal")
+    page.wait_text("answer", "swift: accepted: goal")
     assert field.swift.goals[-1] == GoalCommand(picture, sidecar)
 
 
@@ -231,7 +230,7 @@ def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture
     page.page.click("#confirm-cancel")
     page.page.click("#take-view:enabled")
     page.page.click("#confirm-ok")
-    page.wait_text("answer", "accepted: goal")
+    page.wait_text("answer", "swift: accepted: goal")
     order = field.swift.goals[-1]
     assert order.image in [encode_jpeg(view) for view in field.swift.views]
     attitude = json.loads(order.sidecar)

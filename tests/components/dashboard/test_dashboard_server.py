@@ -15,6 +15,8 @@ from telemetry_vehicle import TelemetryVehicle
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from dfvs_service.settings.key_file import load_key
+
 PATIENCE_S = 60.0
 
 
@@ -103,6 +105,33 @@ def test_vehicles_of_several_endpoints_stand_in_one_list(server, field):
     with Browser(server) as browser:
         assert browser.watch("heron")["state"]["accepts_commands"] is False
         assert browser.watch("swift")["state"]["accepts_commands"] is True
+
+
+def test_of_two_vehicles_of_one_name_one_is_shown_and_commanded_with_a_warning(field):
+    endpoint = free_endpoint()
+    words = ("--operator-token", str(field.token_file), "--command-key", str(field.key_file))
+    key = load_key(field.key_file)
+    with (
+        TelemetryVehicle(endpoint, "swift", key) as other,
+        Server([field.endpoints[0], endpoint], words) as server,
+        Browser(server, field.token) as browser,
+    ):
+        field.swift.enter("READY", "checks passed")
+        other.enter("READY", "the other one")
+        browser.watch("swift")
+        browser.hear_until(lambda news: "zenoh" in news and news["zenoh"]["warnings"])
+        is_other = browser.news["state"]["cause"] == "the other one"
+        shown, hidden = (other, field.swift) if is_other else (field.swift, other)
+        given = len(shown.orders), len(hidden.orders)
+        browser.say(type="command", command="abort", vehicle="swift")
+        browser.hear_until(lambda news: "answers" in news)
+        browser.hear_until(lambda news: news["state"]["state"] == "ABORT")
+        assert (len(shown.orders), len(hidden.orders)) == (given[0] + 1, given[1])
+        hidden.enter("DONE", "goal reached")
+        shown.is_paused = True
+        later = time.monotonic() + 3.0
+        browser.hear_until(lambda _: time.monotonic() > later)
+        assert browser.news["state"]["state"] == "ABORT"
 
 
 def test_a_browser_that_confirms_nothing_is_sent_no_further_views(server, field):

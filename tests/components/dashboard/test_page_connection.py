@@ -6,6 +6,7 @@ from scripted_server import TOKEN, ScriptedServer
 
 pytestmark = needs_chromium
 
+HELD = {"command": "hold", "vehicle": "swift", "accepted": True, "text": "accepted: hold"}
 WATCHED = "name => dfvsScreen().watched === name"
 
 
@@ -45,6 +46,42 @@ def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
     server.page.wait(WATCHED, "swift")
 
 
+def test_a_warning_about_the_vehicle_s_name_is_shown(serve):
+    server = serve("swift")
+    server.until(lambda: server.watched == ["swift"])
+    server.say(zenoh={"connected": 2, "links": 2, "warnings": {"swift": "two of one name"}})
+    server.page.wait_text("warnings", "two of one name")
+
+
+def test_a_silent_vehicle_is_announced_once(serve):
+    server = serve("swift")
+    server.page.wait_text("server", "live")
+    server.page.page.evaluate(
+        "globalThis.changes = []; new MutationObserver((list) => changes.push(...list))"
+        ".observe(document.getElementById('server'), { childList: true, characterData: true })"
+    )
+    server.page.wait_text("state", "STALE: was SERVO")
+    server.page.page.wait_for_timeout(1000)  # five refreshes of the page
+    assert server.page.page.evaluate("changes.length") == 1
+    assert server.page.text("server") == "silent"
+
+
+AFTER_A_STEP = """async (stepMs) => {
+  const { Connection } = await import("./connection.js");
+  const { clock } = new Connection("");
+  const here = () => performance.timeOrigin + performance.now();
+  for (const roundTrip of [3, 4, 5]) clock.add(here() - roundTrip, here(), here());
+  clock.add(here() - 40, here() + stepMs, here());
+  return clock.now() - here();
+}"""
+
+
+@pytest.mark.parametrize("step_ms", [3_600_000, -20_000, 0])
+def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(serve, step_ms):
+    shift_ms = serve("swift").page.page.evaluate(AFTER_A_STEP, step_ms)
+    assert shift_ms == pytest.approx(step_ms, abs=25.0)  # half of the slowest ping, and 5 ms
+
+
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""
@@ -60,7 +97,7 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.keyboard.press("Shift+A")
-    operated.page.wait_text("answer", "abort NOT sent: no connection")
+    operated.page.wait_text("answer", "swift: abort NOT sent: no connection")
     assert operated.page.page.get_attribute("#answer", "data-ok") == "no"
     assert operated.commands == []
 
@@ -68,18 +105,48 @@ def test_a_command_without_a_connection_is_called_not_sent(operated):
 def test_a_command_whose_connection_is_lost_is_called_not_answered(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands == [("swift", "hold")])
-    operated.page.wait_text("answer", "hold sent …")
+    operated.page.wait_text("answer", "swift: hold sent …")
     operated.close()
-    operated.page.wait_text("answer", "hold not answered: connection lost")
+    operated.page.wait_text("answer", "swift: hold not answered: connection lost")
 
 
 def test_an_answer_stays_when_the_connection_is_lost(operated):
     operated.page.page.keyboard.press("Shift+H")
     operated.until(lambda: operated.commands)
-    operated.say(answers=[{"command": "hold", "accepted": True, "text": "accepted: hold"}])
-    operated.page.wait_text("answer", "accepted: hold")
+    operated.say(answers=[HELD])
+    operated.page.wait_text("answer", "swift: accepted: hold")
     operated.close()
-    operated.page.wait_text("answer", "accepted: hold")
+    operated.page.wait_text("answer", "swift: accepted: hold")
+
+
+def test_an_answer_goes_when_another_vehicle_is_watched(operated):
+    operated.say(answers=[HELD])
+    operated.page.wait_text("answer", "swift: accepted: hold")
+    operated.list_vehicles("heron", "swift")
+    operated.page.page.wait_for_selector("#vehicle option[value=heron]", state="attached")
+    operated.page.page.select_option("#vehicle", "heron")
+    operated.page.wait(WATCHED, "heron")
+    assert operated.page.text("answer") == ""
+
+
+def test_hold_and_abort_have_their_keys_wherever_the_focus_is_and_with_caps_lock(operated):
+    page = operated.page.page
+    page.click("text=Slider")
+    for focus in (
+        lambda: page.click("text=Side by side"),
+        lambda: page.click("text=2 min"),
+        lambda: page.focus("#vehicle"),
+        lambda: page.click("text=Slider") or page.focus("#mix"),
+    ):
+        focus()
+        page.keyboard.press("Shift+A")
+        operated.until(lambda: operated.commands == [("swift", "abort")], patience_s=2.0)
+        operated.commands.clear()
+    page.evaluate(
+        "document.activeElement.dispatchEvent("
+        "new KeyboardEvent('keydown', { key: 'h', shiftKey: true, bubbles: true }))"
+    )
+    operated.until(lambda: operated.commands == [("swift", "hold")], patience_s=2.0)
 
 
 def test_a_goal_without_a_connection_is_called_not_sent(operated):
@@ -91,7 +158,17 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
     operated.socket.close(code=1001)
     operated.page.page.wait_for_selector("#alarm", state="visible")
     operated.page.page.click("#confirm-ok")
-    operated.page.wait_text("answer", "goal NOT sent: no connection")
+    operated.page.wait_text("answer", "swift: goal NOT sent: no connection")
+
+
+def test_a_goal_that_is_too_large_is_not_sent_and_the_limit_is_named(operated):
+    image = {"name": "b.png", "mimeType": "image/png", "buffer": bytes(12_000_000)}
+    operated.say(state=operated.state() | {"state": "READY"})
+    operated.page.page.wait_for_selector("#goal:enabled")
+    operated.page.page.set_input_files("#goal-files", [image])
+    expected = "not sent: b.png has 12.0 MB, a goal at most 8.0 MB; send it as JPEG"
+    operated.page.wait_text("answer", expected)
+    assert not operated.page.page.is_visible("#confirm-dialog")
 
 
 def test_after_a_wrong_token_and_cancel_the_page_looks_on_without_one(serve):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from browser_page import Page, needs_chromium
-from flight_on_screen import TOKEN, Screen
+from flight_on_screen import TOKEN, Flight, Screen
 from situations import ABORT, DESKTOP, DONE, HOLD, PHONE, SERVO, SITUATIONS, long_over, silent
 
 pytestmark = needs_chromium
@@ -229,6 +229,26 @@ def test_an_operator_is_asked_before_the_view_becomes_the_goal_and_reads_the_ans
         screen.show(f"refused-{number}", flight)
         page.choose(f"refused-{number}")
         assert page.page.is_disabled("#take-view")
+    page.page.click("#sign")
+    page.page.wait_for_selector("#operator", state="hidden")
+
+
+def test_on_a_small_phone_long_causes_and_warnings_leave_room_for_the_view(page, screen):
+    page.dress((360, 640), "light")
+    flight = Flight("PREFLIGHT", "a reason, " * 30, fields={"warnings": ("a warning, " * 20,) * 3})
+    screen.show("wordy", flight)
+    page.choose("wordy")
+    page.sign_in(TOKEN)
+    page.page.evaluate("document.getElementById('view-panel').scrollIntoView()")
+    page.wait_text("warning-count", "⚠ 3")
+    page.keep("wordy-phone")
+    card = page.page.locator(".state-now").bounding_box()
+    assert card["y"] >= 0
+    assert page.page.locator("#operator").bounding_box()["y"] - card["y"] - card["height"] > 320
+    page.page.click("#cause")
+    assert page.page.locator(".state-now").bounding_box()["height"] > 2 * card["height"]
+    page.page.click("#warning-count")
+    page.wait("() => { const y = warnings.getBoundingClientRect().y; return y > 0 && y < 320; }")
     page.page.click("#sign")
     page.page.wait_for_selector("#operator", state="hidden")
 

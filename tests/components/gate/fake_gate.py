@@ -2,7 +2,8 @@
 
 ``--code N`` ends with that code after half a second; ``--hang`` falls silent then, and ``--crash``
 is killed; ``--after NAME`` waits for that file of the runtime folder instead. ``--told N`` is the
-code of its end by SIGTERM, which ``--deaf`` ignores.
+code of its end by SIGTERM, which ``--deaf`` ignores. ``--refuses TEXT`` has a check refuse, and the
+time of its heartbeats run ten times as fast.
 """
 
 import argparse
@@ -11,8 +12,10 @@ import signal
 import socket
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.messages.schema import to_json
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
@@ -27,6 +30,7 @@ def main() -> None:
     parser.add_argument("--hang", action="store_true")
     parser.add_argument("--crash", action="store_true")
     parser.add_argument("--state", default="PREFLIGHT")
+    parser.add_argument("--refuses", default="")
     args = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.SIG_IGN if args.deaf else lambda *_: sys.exit(args.told))
     out = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -43,7 +47,11 @@ def main() -> None:
         if late and args.crash:
             os.kill(os.getpid(), signal.SIGKILL)
         if not (late and args.hang):
-            beat = Heartbeat(time.monotonic_ns(), args.state, "", warnings=("a parameter is odd",))
+            warnings = ("a parameter is odd",)
+            beat = Heartbeat(time.monotonic_ns(), args.state, "", warnings=warnings)
+            if args.refuses:
+                checks = (Check("frames", False, args.refuses, "check the camera"),)
+                beat = replace(beat, t_ns=10 * beat.t_ns, checks=checks)
             out.sendto(to_json(beat), str(args.runtime / "parent.sock"))
         time.sleep(0.02)
 

@@ -236,7 +236,7 @@ def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp
             flight.wait(lambda n=before: len(commands(flight)) > n)
         flight.until("SERVO")
     assert commands(flight) == [
-        "rejected: wrong signature",
+        "rejected: wrong signature, use the key of this vehicle (gate.command_key_file)",
         "accepted: engage",
         "repeated: accepted: engage",
     ]

@@ -45,6 +45,7 @@ def test_a_signed_goal_is_looked_for_checked_and_then_waits_for_engaging(
         assert order("goal", "--goal", save(tmp_path / "big.png", views[0][:64])) == 0
         is_refused = until(lambda: "cannot be used" in watch.beat.cause, 30.0, 0.05)
         assert is_refused, (watch.beat, log.read_text()[-2000:])
+        assert until(lambda: any("cannot be used" in line for line in watch.lines))
         assert not vehicle.events("setpoint")
         assert not vehicle.events("mode_command")
         create_key(tmp_path / "other-key")

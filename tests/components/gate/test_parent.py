@@ -99,6 +99,33 @@ def test_a_crash_of_the_gate_is_named(tmp_path):
     )
 
 
+CRASHING = "raise KeyError('camera')"
+
+
+@pytest.mark.parametrize(
+    ("gate", "perception", "loss"),
+    [
+        ([], CRASHING, "perception ended with code 1 (KeyError: 'camera')"),
+        (["--crash"], IDLE, "the gate was killed by SIGKILL"),
+        (["--code", "1"], IDLE, "the gate ended with code 1 (error: told to end)"),
+        ([], BROKEN, ""),
+        (["--code", "2"], IDLE, ""),
+    ],
+)
+def test_how_a_process_ended_that_had_to_run_on_is_kept(tmp_path, gate, perception, loss):
+    children = {"perception": perception, "link": IDLE}
+    programs = Programs(
+        (sys.executable, FAKE_GATE, *gate),
+        **{name: (sys.executable, "-c", text) for name, text in children.items()},
+    )
+    stream = io.StringIO()
+    parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(stream))
+    parent.run()
+    assert parent.loss == loss
+    if perception is CRASHING:
+        assert f"warning: {loss}\n" in stream.getvalue()
+
+
 def test_a_gate_that_hangs_is_killed(tmp_path):
     code, lines, took_s = run(tmp_path, ["--hang", "--deaf"])
     assert code == 1
@@ -203,6 +230,15 @@ def test_the_black_box_sees_all_that_the_user_was_told_and_the_exit_code(tmp_pat
     assert (seen[-1]["kind"], seen[-1]["code"]) == ("end", 1)
     # Its own last line reaches the user all the same.
     assert "warning: the disk is full" in lines
+
+
+def test_user_and_black_box_are_told_which_check_refuses_and_what_to_do(tmp_path):
+    gate = ["--refuses", "the goal is not in view"]
+    line = "not ready: frames: the goal is not in view (check the camera)"
+    box = ending("box") + READING
+    _, lines, _ = run(tmp_path, gate, black_box=box, stop_when=lambda text: line in text)
+    assert lines.count(line) == 1
+    assert line in (tmp_path / "seen").read_text()
 
 
 def test_operators_are_told_of_the_end_of_the_black_box_and_of_its_warnings(tmp_path):

@@ -262,12 +262,12 @@ def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
     (whole,) = desk.files
     cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
     cut.write_bytes(whole.read_bytes()[:-200_000])
-    count = recover(cut, mended)
+    count = recover(cut, mended, print)
     with mended.open("rb") as file:
         assert make_reader(file).get_summary().statistics.message_count == count
     assert told([mended]) == told([cut])
     with pytest.raises(RecordingError, match="exists"):
-        recover(cut, mended)
+        recover(cut, mended, print)
 
 
 def test_a_repaired_copy_beside_its_original_is_left_out_and_named(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 from recorded_flight import fly, write_recording
 
 from dfvs_core.messages.frame import PixelFormat
+from dfvs_service.record.reading import RecordingError
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.report.recording import RecordedFlight
 
@@ -113,3 +114,14 @@ def test_two_runs_of_the_service_follow_each_other_and_are_named(tmp_path):
     replayed = replay([path], Trial(), lambda _: None)
     assert list(replayed.times_s) == sorted(replayed.times_s)
     assert replayed.times_s[-1] > began_s
+
+
+def test_files_of_two_vehicles_are_refused_by_their_names(tmp_path):
+    files = []
+    for vehicle, seed in (("drone1", 7), ("drone2", 8)):
+        (tmp_path / vehicle).mkdir()
+        (header, image), *records = fly(np.random.default_rng(seed), 2).events
+        events = [(replace(header, vehicle=vehicle), image), *records]
+        files.append(write_recording(tmp_path / vehicle, events))
+    with pytest.raises(RecordingError, match="of drone1 and of drone2; expected the files of one"):
+        RecordedFlight(files).read()

@@ -57,13 +57,13 @@ MAY_SAY = {
 MAY_HEAR = {
     "service.drone1": {"camera", "calibration", "command", "new_goal", "lease"},
     "camera.drone1": set(),
-    "operator.drone1": {"state", "turn"},
-    "dashboard.drone1": {"state", "turn"},
+    "operator.drone1": {"state", "turn", "camera"},
+    "dashboard.drone1": {"state", "turn", "camera"},
     "recorder.drone1": {"state", "turn", "camera", "calibration"},
     "foxglove.drone1": {"turn"},
     "metrics.drone1": {"state"},
     "camera.drone2": set(),
-    "operator.drone2": set(),
+    "operator.drone2": {"other camera"},
     "nobody": set(),
 }
 

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from depth_bundle import bundle
+from onnx_network import write_bundle
 
 from dfvs_bench.drone.bound import TimeBound
 from dfvs_bench.drone.flights import since, within_s
 from dfvs_bench.drone.levelled import levelled, levelled_task, turn_rad
-from dfvs_bench.drone.limits import limits_in_force
+from dfvs_bench.drone.limits import depth_network, settings_in_force, velocity_limits
 from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
@@ -113,7 +115,7 @@ def test_the_first_motion_is_when_the_gate_enters_servo_after_the_switch():
 
 def test_the_limits_are_the_lower_of_the_law_s_and_the_gate_s():
     words = ("--set", "limits.horizontal_m_s=0.9", "--set", "servo.max_vertical_m_s=0.1")
-    limits = limits_in_force(words)
+    limits = velocity_limits(settings_in_force(words))
     assert limits.horizontal_m_s == 0.5  # the law's
     assert limits.vertical_m_s == 0.1
     assert limits.yaw_slew_rad_s2 == pytest.approx(LIMITS.yaw_slew_rad_s2)
@@ -121,7 +123,22 @@ def test_the_limits_are_the_lower_of_the_law_s_and_the_gate_s():
 
 def test_settings_that_the_service_refuses_are_refused():
     with pytest.raises(ConfigError, match=r"unknown key 'limits\.speed'"):
-        limits_in_force(("--set", "limits.speed=3"))
+        settings_in_force(("--set", "limits.speed=3"))
+
+
+def test_a_flight_by_another_depth_network_is_flown_again(tmp_path):
+    task = task_on_disk(tmp_path)
+    for name, depth in (("old", 0.5), ("new", 0.4)):
+        write_bundle(tmp_path / name, bundle(np.full((24, 32), depth)))
+    old = replace(SETTING, network=str(tmp_path / "old"))
+    assert fits(fresh_record(task, old), task, old)
+    assert not fits(fresh_record(task, old), task, replace(old, network=str(tmp_path / "new")))
+
+
+@pytest.mark.parametrize(("depth", "network"), [("fused", "own/depth"), ("motion", None)])
+def test_the_depth_network_of_a_flight_is_the_one_that_its_settings_need(depth, network):
+    words = ("--set", f"servo.depth={depth}", "--set", "depth.model=own/depth")
+    assert depth_network(settings_in_force(words)) == network
 
 
 def test_ratios_are_over_the_slower_of_way_and_turn():
@@ -198,7 +215,7 @@ def task_on_disk(folder):
 
 
 def fresh_record(task, setting=SETTING, **changes):
-    inputs = input_digest(task, setting.matcher, setting.config)
+    inputs = input_digest(task, setting.matcher, setting.config, setting.network)
     return replace(FLOWN, version=version("dfvs"), timeout_s=60.0, inputs=inputs, **changes)
 
 
@@ -218,6 +235,12 @@ def test_the_report_has_a_row_for_every_flight():
     assert "State estimate of the vehicle: perfect; wind:\ncalm." in text
     assert "<td>9.0 s<td>2.25<td>12.0 s<td>3.00<td>0.010 m<td>0.20°" in text
     assert "NOT READY: the goal is not in view" in text
+
+
+def test_the_report_has_the_limits_of_every_flight():
+    text = drone_section([FLOWN, replace(LOST, limits=VelocityLimits(horizontal_m_s=0.8))])
+    assert "0.5 m/s over ground" in text
+    assert "or, by the flight, 0.8 m/s over ground" in text
 
 
 def test_the_report_says_what_was_flown_and_what_of_it_is_unknown():

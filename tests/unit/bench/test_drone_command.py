@@ -147,6 +147,17 @@ def test_words_that_do_not_go_together_are_refused(
     assert message in capsys.readouterr().err
 
 
+def test_a_summary_among_the_flights_is_refused(
+    fly: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``dfvs-bench report`` would take it for a flight."""
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    assert fly("--json", str(runs / "drone.json")) == 2
+    assert "--json" in capsys.readouterr().err
+    assert list(runs.iterdir()) == []
+
+
 def test_an_error_that_every_flight_would_meet_ends_the_run(
     fly: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

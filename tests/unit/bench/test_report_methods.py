@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 from dfvs_bench.cli import main
 from dfvs_bench.report.figures import STYLE, draw_controller, method_styles
+from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, write_record
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.trial import Step, Trial
@@ -51,6 +52,11 @@ def test_trials_of_an_unknown_method_are_left_out_and_named(tmp_path, capsys):
     assert "left out" in line
 
 
+def test_the_report_does_not_say_that_photometric_servoing_was_run_where_it_was_not():
+    page = report_page(Contents([KITCHEN], [record("motion-depth")]), lambda _: None)
+    assert "run here" not in page
+
+
 @pytest.mark.parametrize("names", [("pnp", "my-a", "my-b"), ("my-b", "my-a")])
 def test_methods_have_styles_of_their_own(names):
     styles = method_styles(names)
@@ -68,3 +74,8 @@ def test_the_titles_of_the_controller_s_plot_are_whole():
     titles = [text for text in figure.findobj(Text) if text.get_text().startswith("(")]
     assert [title.get_text()[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)", "(e)"]
     assert max(title.get_window_extent().x1 for title in titles) <= figure.bbox.x1
+
+
+def test_the_velocities_of_the_controller_s_plot_are_motions_over_the_frame_period():
+    labels = [axes.get_ylabel() for axes in draw_controller([record("published")]).axes]
+    assert labels[1:3] == ["m ÷ 0.1 s", "rad ÷ 0.1 s"]

@@ -1,3 +1,5 @@
+import pytest
+
 from dfvs_core.messages.frame import NO_CLOCK
 from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
 
@@ -26,6 +28,21 @@ def test_a_foreign_clock_counts_the_quickest_message_as_undelayed():
     ]
     assert ages == [0, 0, 35 * MS]
     assert clock.is_foreign
+
+
+@pytest.mark.parametrize("rate", [1 - 50e-6, 1.0, 1 + 50e-6])
+def test_a_foreign_clock_of_another_rate_makes_nothing_old(rate):
+    clock = SenderClock(OURS)
+    clock.identify(THEIRS)
+    ages = [heard(clock, int(now * rate), now + 20 * MS) for now in range(0, 12 * HOUR, 10 * S)]
+    assert max(ages) < 10 * MS
+
+
+def test_a_link_that_becomes_slow_makes_messages_old_for_an_hour():
+    clock = SenderClock()
+    for now in range(0, 2 * HOUR, 10 * S):
+        age_ns = heard(clock, now, HOUR + now + (4 * S if now > HOUR else 0))
+    assert age_ns > 2 * S
 
 
 def test_a_sender_that_boots_again_is_young_again():

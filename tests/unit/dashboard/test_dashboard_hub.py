@@ -6,10 +6,11 @@ import pytest
 
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
-from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
+from dfvs_service.dashboard.hub import Hub
 from dfvs_service.dashboard.outbox import ImageKind, Outbox
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicles.vehicle_links import MAX_VEHICLES
 
 TURNS = ((1, 1.7e308), (2, -1.7e308), (3, 0.5))
 """Stamps and yaw angles; from the first to the second there is no number."""

@@ -88,6 +88,11 @@ def test_files_that_cannot_be_used_are_named(tmp_path, certificate, refusal):
     assert "--cert" in refusal("--cert", str(tmp_path / "none"), "--key", str(tmp_path))
     assert "only one of" in refusal(*certificate[:2])
     assert "TOML" in refusal("--config", str(tmp_path / "none.toml"))
+    files = "\n".join(f'{name} = "{tmp_path}/none.pem"' for name in ("ca", "certificate", "key"))
+    (tmp_path / "tls.toml").write_text(f"[zenoh.tls]\n{files}\n")
+    for connect in ((), ("--connect", "tls/127.0.0.1:7447")):
+        line = refusal("--config", str(tmp_path / "tls.toml"), *connect)
+        assert "zenoh.tls.ca" in line
 
 
 def test_a_port_that_is_taken_is_said_before_anything_starts(refused):

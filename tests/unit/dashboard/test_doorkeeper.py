@@ -3,10 +3,10 @@ import asyncio
 import pytest
 from starlette.responses import PlainTextResponse
 
-from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
+from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.origin_check import OriginCheckMiddleware
 
-HERE = PublicAddress.of(LOOPBACK_NAMES, 8470, secure=False)
+HERE = PublicAddress.of(("drone1.local",), 8470, secure=False)
 OUR_HOST = ("host", "127.0.0.1:8470")
 OUR_ORIGIN = ("origin", "http://127.0.0.1:8470")
 
@@ -35,10 +35,17 @@ def ask(*headers, kind="http", method="GET", address=HERE):
 
 
 @pytest.mark.parametrize(
-    "host", ["127.0.0.1:8470", "localhost:8470", "LocalHost:8470", "[::1]:8470"]
+    "host",
+    [
+        "drone1.local:8470",
+        *("127.0.0.1:8470", "localhost:8470", "LocalHost:8470", "[::1]:8470"),
+        *("localhost:8471", "127.0.0.1"),  # by an SSH tunnel
+    ],
 )
 def test_our_own_names_are_served(host):
     assert ask(("host", host))["status"] == 200
+    origin = ("origin", f"http://{host}")
+    assert ask(("host", host), origin, kind="websocket")["type"] == "websocket.accept"
 
 
 @pytest.mark.parametrize(
@@ -46,13 +53,15 @@ def test_our_own_names_are_served(host):
     [
         [],
         [("host", "evil.example:8470")],
-        [("host", "127.0.0.1")],
-        [("host", "127.0.0.1:80")],
+        [("host", "evil:8470")],
+        [("host", "drone1.local:8471")],
         [("host", "127.0.0.1:8470.evil.example")],
         [OUR_HOST, ("host", "evil.example")],
         [OUR_HOST, OUR_HOST],
         [OUR_HOST, ("origin", "http://evil.example")],
         [OUR_HOST, ("origin", "null")],
+        [OUR_HOST, ("origin", "http://127.0.0.1:8471")],
+        [OUR_HOST, ("origin", "http://localhost:8470")],
     ],
 )
 def test_other_hosts_and_origins_are_refused(headers):
@@ -84,5 +93,5 @@ def test_every_answer_forbids_what_the_page_does_not_need(headers):
 
 def test_the_usual_port_may_be_left_out():
     usual = PublicAddress.of(("drone1.local",), 443, secure=True)
-    assert usual.origins == {"https://drone1.local", "https://drone1.local:443"}
+    assert usual.hosts == {"drone1.local", "drone1.local:443"}
     assert ask(("host", "drone1.local"), address=usual)["status"] == 200

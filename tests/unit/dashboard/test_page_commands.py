@@ -8,6 +8,7 @@ import pytest
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.commands.command import Command, encode_command
 from dfvs_core.gate.events import Action
+from dfvs_service.command import UnansweredError
 from dfvs_service.dashboard import client_session
 from dfvs_service.dashboard.client_session import AppContext, ClientSession
 from dfvs_service.dashboard.command_queue import CommandQueue
@@ -165,6 +166,15 @@ def test_a_stop_is_sent_twice_at_most():
     accepted, text = queue.give("swift", "abort", None)
     assert not accepted
     assert "challenge" in text
+
+
+def test_a_command_that_was_sent_and_not_answered_is_not_called_unsent():
+    def send(*_):
+        raise UnansweredError("the service did not answer")
+
+    accepted, text = CommandQueue(KEY, lambda _: ZenohSection(), send).give("swift", "engage", None)
+    assert not accepted
+    assert text.startswith("not answered: ")
 
 
 def test_an_engagement_whose_challenge_another_command_used_is_not_sent_again():

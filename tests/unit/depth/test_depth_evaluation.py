@@ -5,7 +5,8 @@ import pytest
 
 from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ImageError
-from dfvs_models.depth_evaluation import mean_score, score_depth
+from dfvs_export.bundles.card import depth_accuracy
+from dfvs_models.depth_evaluation import MeasuredDepth, mean_score, score_depth
 
 DEPTH_M = np.linspace(1.0, 5.0, 48, dtype=np.float32).reshape(6, 8)
 DEPTH_M[0, 0] = 0.0  # unknown
@@ -39,6 +40,16 @@ def test_an_affine_network_has_no_metric_error_and_is_aligned_by_scale_and_offse
     score = score_depth(found(3.0 * RHO - 0.5, "affine"), DEPTH_M)
     assert score.metric is None
     assert score.aligned.rmse_m == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("unit", ["affine", "relative"])
+def test_only_metric_depth_has_an_error_of_the_scale(unit):
+    score = score_depth(found(3.0 * RHO, unit), DEPTH_M)
+    assert score.scale_log is None
+    assert mean_score([score, score]).scale_log is None
+    assert score.aligned.abs_rel == pytest.approx(0.0, abs=1e-4)
+    measured = {"room.npz": MeasuredDepth(1, score, 13.0)}
+    assert "scale is off" not in depth_accuracy(measured)
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,18 @@ def test_flights_of_one_second_have_names_of_their_own_in_their_order(tmp_path):
     assert store.folder("latest").name == names[-1]
 
 
+@pytest.mark.parametrize("later_s", [30.0, T_S - 86_400, T_S])
+def test_a_flight_is_the_latest_whatever_the_clock_says(later_s, tmp_path):
+    store = FlightStore(tmp_path)
+    first = flown(store, T_S, vehicle="heron")
+    second = flown(store, later_s, vehicle="drone1")
+    third = flown(store, later_s + 60)
+    fourth = flown(store, T_S + 3600)
+    assert store.names() == [first, second, third, fourth]
+    assert store.folder("latest").name == fourth
+    assert store.make_room(2000) == [first, second]
+
+
 def test_only_flights_are_listed(tmp_path):
     store = FlightStore(tmp_path / "none")
     assert store.names() == []

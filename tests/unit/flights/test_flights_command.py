@@ -76,6 +76,16 @@ def test_an_error_that_the_user_was_told_is_the_verdict(flights, capsys):
     assert page["told"] == ["warning: a parameter is odd", "error: no autopilot is heard"]
 
 
+def test_a_flight_that_never_was_ready_says_what_it_waited_for(flights, capsys):
+    ended = transition(40, "ABORT", "service stops")
+    lines = [told("not ready: link: none"), told("not ready: frames: no goal (move)"), end(1)]
+    fly(flights, [SERVO[0], ended], lines)
+    waits = "ended in ABORT: service stops; not ready: frames: no goal (move)"
+    assert shown(capsys)["verdict"] == waits
+    fly(flights, [SERVO[0], transition(9, "READY", "checks passed"), ended], lines)
+    assert shown(capsys)["verdict"] == "ended in ABORT: service stops"
+
+
 @pytest.mark.parametrize("tail", [b"", b'{"t_ns":1', b"\0" * 50, b"\xff\xfe\n", b"[1]\n"])
 def test_a_flight_that_was_cut_off_is_read_as_far_as_it_goes(tail, flights, capsys):
     folder = fly(flights, SERVO, [])

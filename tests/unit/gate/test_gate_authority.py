@@ -22,6 +22,7 @@ from dfvs_core.gate.events import Action
 KEY, OTHER_KEY = b"k" * 32, b"K" * 32
 DIGEST = "0123456789abcdef" * 4
 TOO_OLD = "rejected: its challenge was used or is too old"
+WRONG_KEY = "wrong signature, use the key of this vehicle (gate.command_key_file)"
 START_NS = 5_000_000_000
 
 
@@ -152,7 +153,7 @@ def test_two_periods_one_by_one_make_a_challenge_too_old():
     ("changes", "reason"),
     [
         ({"vehicle": "drone2"}, "command for another vehicle, 'drone2'"),
-        ({"key": OTHER_KEY}, "wrong signature"),
+        ({"key": OTHER_KEY}, WRONG_KEY),
         ({"challenge": "challenge9"}, "its challenge was used or is too old"),
         ({"challenge": ""}, "its challenge was used or is too old"),
     ],
@@ -170,7 +171,7 @@ def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
     gate = authority()
     data = order(gate.challenge(START_NS))
     changed = altered(data, **{field: value})
-    assert gate.evaluate(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.evaluate(changed, START_NS).text == f"rejected: {WRONG_KEY}"
     assert gate.evaluate(data, START_NS).action is Action.ENGAGE
 
 
@@ -178,7 +179,7 @@ def test_a_signed_order_for_one_goal_is_none_for_another():
     gate = authority()
     data = order(gate.challenge(START_NS), Action.GOAL)
     changed = altered(data, argument=DIGEST[::-1])
-    assert gate.evaluate(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.evaluate(changed, START_NS).text == f"rejected: {WRONG_KEY}"
     assert gate.evaluate(data, START_NS).argument == DIGEST
 
 

@@ -213,6 +213,61 @@ def test_an_order_does_not_take_the_vehicle_out_of_just_any_mode(mode):
     assert gate.state is GateState.READY
 
 
+def waiting_for_engage(mode=VehicleMode.ALTITUDE):
+    gate = Rehearsal(COMMAND)
+    gate.vehicle.mode = mode
+    gate.until(GateState.READY)
+    gate.command(Action.ENGAGE)
+    return gate
+
+
+def test_a_command_to_engage_says_what_it_waits_for():
+    gate = waiting_for_engage()
+    waits = "engage waits for Hold or Position in the air; the vehicle"
+    assert gate.machine.reason == f"{waits} is in ALTITUDE, flying"
+    gate.vehicle.in_air = False
+    gate.tick()
+    gate.tell_mode(VehicleMode.POSITION)
+    assert gate.machine.reason == f"{waits} is in POSITION, not flying"
+    assert gate.state is GateState.READY
+
+
+def test_a_command_to_engage_that_waits_for_a_check_names_it():
+    gate = waiting_for_engage()
+    gate.changes = {"overlap": 0.08}
+    gate.run(0.1)
+    assert gate.machine.reason == "engage waits for goal: overlap 8%, 9% needed"
+
+
+def test_a_command_to_engage_that_has_expired_says_so_until_it_is_commanded_again():
+    gate = waiting_for_engage().run(5.1)
+    expired = "engage has expired after 5 s, command it again in Hold or Position in the air"
+    assert gate.machine.reason == expired
+    gate.tell_mode(VehicleMode.HOLD)
+    gate.run(1.0)
+    assert (gate.state, gate.machine.reason) == (GateState.READY, expired)
+    gate.command(Action.ENGAGE)
+    assert gate.state is GateState.ENGAGE
+
+
+def test_nothing_waits_once_a_command_to_engage_is_taken_back():
+    gate = waiting_for_engage()
+    gate.command(Action.HOLD)
+    assert gate.machine.reason == "checks passed"
+
+
+@pytest.mark.parametrize("by", [Engage.PILOT, Engage.AUTO])
+def test_after_another_engage_nothing_waits_for_a_command(by):
+    gate = Rehearsal(auto_config(engage=by))
+    gate.vehicle.mode = VehicleMode.ALTITUDE
+    gate.until(GateState.READY)
+    gate.command(Action.ABORT)
+    gate.run(3.0)
+    gate.command(Action.ENGAGE)
+    gate.until(GateState.READY).run(0.1)
+    assert gate.machine.reason == "checks passed"
+
+
 def test_offboard_that_is_not_confirmed_aborts_and_leaves_the_vehicle_alone():
     gate = Rehearsal()
     gate.vehicle.obeys = False

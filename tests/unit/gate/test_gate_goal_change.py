@@ -107,6 +107,34 @@ def test_a_new_goal_while_holding_waits_for_the_operator_who_ordered_to_hold():
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-9
 
 
+def test_a_commanded_hold_says_what_is_wrong_meanwhile_and_when_it_no_longer_is():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO)
+    gate.command(Action.HOLD)
+    gate.command(Action.GOAL, GOAL)
+    gate.changes = {"healthy": False, "reason": "the new goal cannot be used"}
+    gate.run(5.0)
+    held = "operator commanded to hold"
+    unusable = f"{held}; perception unhealthy: the new goal cannot be used"
+    assert (gate.state, gate.machine.reason) == (GateState.HOLD, unusable)
+    gate.changes = {}
+    gate.run(0.1)
+    assert (gate.state, gate.machine.reason) == (GateState.HOLD, held)
+    gate.vehicle.parameters_told = False
+    gate.run(31.0)
+    assert gate.machine.reason.startswith(f"{held}; watch lost: ")
+
+
+def test_a_hold_by_itself_and_a_held_engage_keep_their_reasons():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO)
+    gate.sees = False
+    gate.until(GateState.HOLD).run(1.0)
+    assert gate.machine.reason == gate.last.reason
+    gate = Rehearsal(auto_config()).until(GateState.ENGAGE)
+    gate.command(Action.HOLD)
+    gate.run(0.5)
+    assert (gate.state, gate.machine.reason) == (GateState.ENGAGE, "armed and in the air")
+
+
 def test_a_new_goal_while_holding_begins_the_time_to_hold_anew():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
     gate.sees = False

@@ -78,6 +78,17 @@ def test_a_process_that_cannot_run_ends_the_check_with_its_error():
         watch.results()
 
 
+def test_a_process_that_crashed_is_a_cross_beside_the_checks_made_so_far():
+    watch, _, _ = observer()
+    watch.show(Heartbeat(0, "PREFLIGHT", "", checks=LIST))
+    watch.log("error: the gate was killed by SIGKILL")
+    *made, crash = watch.results("the gate was killed by SIGKILL")
+    assert tuple(made) == LIST
+    assert (crash.name, crash.ok) == ("service", False)
+    assert crash.detail == "the gate was killed by SIGKILL"
+    assert "--runtime-dir" in crash.remedy
+
+
 def test_a_check_that_is_interrupted_has_no_result():
     watch, _, _ = observer()
     with pytest.raises(DfvsError, match="ended before"):

@@ -223,6 +223,7 @@ def without_film(page):
 
 def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "latest").mkdir()  # no flight, and not what is asked for
     assert main(["latest"]) == 0
     assert main([str(filmed), "--out", "other.html"]) == 0
     expected = flight_page(filmed)
@@ -234,6 +235,8 @@ def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, cap
     assert capsys.readouterr().out.splitlines()[1] == (
         f"wrote {filmed.name}.html and {filmed.name}.webm"
     )
+    filmed.rename("mine")
+    assert main(["mine"]) == 0
 
 
 @pytest.mark.parametrize(

@@ -27,3 +27,12 @@ def test_code_and_models_are_hashed_once_and_never_at_a_change_of_goal(monkeypat
     assert (record.number, record.opening) == (0, first.opened_ns)
     assert (first.first_turn, second.first_turn, second.observed_ns) == (0, 1, 12)
     assert second.opened_ns >= first.opened_ns
+
+
+def test_unix_times_of_all_goals_of_a_process_have_one_offset_whatever_the_clock_does(monkeypatch):
+    monkeypatch.setattr(module, "perception_files", lambda config: {})
+    ticks = iter((0, 5_000_000_000, 9_000_000_000))  # the Unix clock falls back as far
+    recorder = FrameRecorder(load_config(None, {}), b"clock", lambda: next(ticks))
+    first, second = recorder.open(GOAL), recorder.open(GOAL)
+    assert (first.opened_ns, second.opened_ns) == (5_000_000_000, 9_000_000_000)
+    assert first.unix_offset_ns == second.unix_offset_ns

@@ -5,6 +5,8 @@ const LONGEST_WAIT_MS = 2000;
 const PING_PERIOD_MS = 2000;
 const PATIENCE_MS = 6000;
 const DENIED = 4401;
+/** Difference between two measurements of the server's clock that no round trip explains, ms. */
+const SET_MS = 50;
 
 export const IMAGE = Object.freeze({ VIEW: 1, GOAL: 2, FLOW: 3 });
 const PICTURE_HEADER_BYTES = 9;
@@ -15,7 +17,11 @@ class ServerClock {
 
   add(sentMs, serverMs, nowMs) {
     const roundTrip = nowMs - sentMs;
-    this.#samples.push({ roundTrip, offset: serverMs - (sentMs + roundTrip / 2) });
+    const offset = serverMs - (sentMs + roundTrip / 2);
+    // The server's clock was set, or this machine slept: earlier pings count no longer.
+    const isSet = (s) => Math.abs(s.offset - offset) > (s.roundTrip + roundTrip) / 2 + SET_MS;
+    if (this.#samples.some(isSet)) this.#samples = [];
+    this.#samples.push({ roundTrip, offset });
     if (this.#samples.length > 15) this.#samples.shift();
   }
 

@@ -40,7 +40,7 @@ export function assess(known, nowMs, server) {
   return {
     ages, old, gate,
     verdict: judged(known, ages, old),
-    server: serverOf(gate, ages.state, server),
+    server: serverOf(gate, server),
     alarm: server.lostMs > 1000
       ? "Connection to the dashboard's server lost. What you see is old. Reconnecting …" : "",
   };
@@ -66,10 +66,10 @@ function waitingFor(zenoh, server) {
   return zenoh?.connected ? "Waiting for a vehicle." : "Waiting for a service or router to connect to.";
 }
 
-function serverOf(gate, ageMs, server) {
+function serverOf(gate, server) {
   if (!server.isOpen) return { text: "reconnecting", ok: "no" };
   if (gate.kind === "never") return { text: "no vehicle", ok: "" };
-  if (gate.kind === "stale") return { text: `silent ${duration(ageMs / 1000)}`, ok: "no" };
+  if (gate.kind === "stale") return { text: "silent", ok: "no" };
   return { text: "live", ok: "yes" };
 }
 

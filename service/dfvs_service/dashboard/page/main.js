@@ -142,7 +142,7 @@ function refresh() {
     isOpen: connection.isOpen && connection.clock.isKnown, lostMs: lostSinceMs === null ? 0 : performance.now() - lostSinceMs,
   };
   const truth = assess({ ...known, viewMs: view.shown?.captureMs, flowMs: view.flowMs }, nowMs, server);
-  card.showState(truth, known.state, nowMs);
+  card.showState(truth, known.state, known.zenoh?.warnings?.[watched], nowMs);
   card.showHeader(truth, watched);
   card.showVehicles(vehicles, watched, truth, nowMs);
   showNumbers({ ...known, mountingLimit });
@@ -210,10 +210,13 @@ const KEYS = {
 };
 
 document.addEventListener("keydown", (event) => {
-  const isTyping = event.target.matches("input:not([type=checkbox]), select, textarea");
-  if (isTyping || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-  const key = event.key.length === 1 && !event.shiftKey ? event.key.toLowerCase() : event.key;
-  if (!KEYS[key]) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+  const isCharacter = event.key.length === 1;
+  // By Shift, whatever caps lock makes of the letter.
+  const key = !isCharacter ? event.key : event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase();
+  // Text is typed in dialogs alone: Hold and Abort count wherever the focus was left.
+  const isOfControl = event.target.matches("input:not([type=checkbox]), select") && !"HA".includes(key);
+  if (isOfControl || !KEYS[key]) return;
   KEYS[key]();
   event.preventDefault();
 });

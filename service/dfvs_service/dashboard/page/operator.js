@@ -4,7 +4,7 @@ import { byId, DEGREES, fixed, timeOfDay } from "./words.js";
 
 const KEPT_TOKEN = "dfvs-token";
 const GOAL_CHANGEABLE = new Set(["READY", "HOLD", "DONE"]);
-const ENGAGEABLE = new Set(["READY", "DONE", "ABORT", "RELEASED"]);
+const ENGAGEABLE = new Set(["READY", "HOLD", "DONE", "ABORT", "RELEASED"]);
 
 export const keptToken = () => sessionStorage.getItem(KEPT_TOKEN) ?? "";
 
@@ -15,9 +15,10 @@ export class Operator {
   #isSignedIn = false;
   /** Whether a token was refused, and the page waits for what the user does. */
   #isRefused = false;
-  /** Names of the commands that were sent on this connection and not answered yet. */
+  /** Vehicle and name of the commands that were sent on this connection and not answered yet. */
   #unanswered = [];
   #onConfirmed = () => {};
+  #maxGoalBytes = Infinity;
   #currentView;
   /** Width of the camera's frames, px; null where the settings leave it open. */
   cameraWidth = null;
@@ -45,7 +46,8 @@ export class Operator {
     });
   }
 
-  welcome({ role, can_command: canCommand, accepts_operators: acceptsOperators, needs_token: needsToken }) {
+  welcome({ role, can_command: canCommand, accepts_operators: acceptsOperators, needs_token: needsToken, max_goal_bytes: maxGoalBytes }) {
+    this.#maxGoalBytes = maxGoalBytes;
     this.#isSignedIn = keptToken() !== "" && (role === "operator" || needsToken);
     byId("operator").hidden = !canCommand;
     byId("sign").hidden = !this.#isSignedIn && !acceptsOperators;
@@ -69,6 +71,7 @@ export class Operator {
   }
 
   watch(vehicle) {
+    if (vehicle !== this.#vehicle) this.#answer(null, "");
     this.#vehicle = vehicle;
   }
 
@@ -89,14 +92,15 @@ export class Operator {
 
   command(name) {
     if (byId("operator").hidden || !this.#vehicle) return;
-    this.#sent(name, this.#connection.send({ type: "command", command: name, vehicle: this.#vehicle }));
+    const vehicle = this.#vehicle;
+    this.#sent(vehicle, name, this.#connection.send({ type: "command", command: name, vehicle }));
   }
 
   answered(answers) {
-    for (const { command, accepted, text } of answers) {
-      const at = this.#unanswered.indexOf(command);
+    for (const { command, vehicle, accepted, text } of answers) {
+      const at = this.#unanswered.indexOf(`${vehicle}: ${command}`);
       if (at >= 0) this.#unanswered.splice(at, 1);
-      this.#answer(accepted, text);
+      this.#answer(accepted, `${vehicle}: ${text}`);
     }
   }
 
@@ -117,6 +121,11 @@ export class Operator {
     const sidecar = files.find((file) => file.name.endsWith(".json"));
     byId("goal-files").value = "";
     if (!image) return;
+    if (image.size > this.#maxGoalBytes) {
+      const [size, limit] = [image.size, this.#maxGoalBytes].map((bytes) => `${fixed(bytes / 1e6, 1)} MB`);
+      this.#answer(false, `not sent: ${image.name} has ${size}, a goal at most ${limit}; send it as JPEG`);
+      return;
+    }
     const vehicle = this.#vehicle;
     const taken = sidecar ? `taken as ${sidecar.name} says` : "taken level, by the camera that flies";
     this.#confirm("Change the goal?", `${image.name} for ${vehicle}, ${taken}.`, image, async () => {
@@ -145,12 +154,13 @@ export class Operator {
   }
 
   #sendGoal(vehicle, sidecar, image) {
-    this.#sent("goal", this.#connection.sendGoal({ vehicle, sidecar }, image));
+    this.#sent(vehicle, "goal", this.#connection.sendGoal({ vehicle, sidecar }, image));
   }
 
-  #sent(name, isSent) {
-    if (isSent) this.#unanswered.push(name);
-    this.#answer(isSent ? null : false, isSent ? `${name} sent …` : `${name} NOT sent: no connection`);
+  #sent(vehicle, name, isSent) {
+    const named = `${vehicle}: ${name}`;
+    if (isSent) this.#unanswered.push(named);
+    this.#answer(isSent ? null : false, isSent ? `${named} sent …` : `${named} NOT sent: no connection`);
   }
 
   #confirm(title, text, image, onConfirmed) {

@@ -5,8 +5,11 @@ import { ageText, LIMITS_MS } from "./freshness.js";
 
 const LOW_BATTERY = 0.2;
 
-/** @param truth result of `assess`; @param state newest state of the gate or undefined */
-export function showState(truth, state, nowMs) {
+/**
+ * @param truth result of `assess`; @param state newest state of the gate or undefined
+ * @param ownWarning the dashboard's own warning or undefined
+ */
+export function showState(truth, state, ownWarning, nowMs) {
   const { gate, old } = truth;
   document.body.dataset.state = gate.name;
   document.body.dataset.fresh = gate.kind;
@@ -19,7 +22,7 @@ export function showState(truth, state, nowMs) {
   const untilMs = old.state ? state?.t_ms : nowMs;
   say(byId("since"), state ? duration((untilMs - state.since_ms) / 1000) : DASH);
   showFacts(truth, state);
-  showWarnings(state?.warnings ?? []);
+  showWarnings([ownWarning ?? [], state?.warnings ?? []].flat());
 }
 
 function showFacts({ ages, old }, state) {
@@ -51,7 +54,9 @@ function batteryText(state, ages, old) {
 
 function showWarnings(warnings) {
   const list = byId("warnings");
-  list.hidden = warnings.length === 0;
+  list.hidden = byId("warning-count").hidden = warnings.length === 0;
+  say(byId("warning-count"), `⚠ ${warnings.length}`);
+  byId("warning-count").ariaLabel = `Warnings: ${warnings.length}`;
   const shown = [...list.children].map((item) => item.textContent);
   if (shown.join("\n") !== warnings.join("\n")) {
     list.replaceChildren(...warnings.map((text) => element("li", text)));

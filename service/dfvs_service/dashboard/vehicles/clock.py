@@ -6,6 +6,8 @@ from dfvs_core.messages.frame import NO_CLOCK
 
 _SAME_CLOCK_NS = 10_000_000_000
 """Delay of the quickest message below which a sender without an identity has our clock."""
+_RATE_DIFFERENCE = 500e-6
+"""Largest relative difference between the rates of two monotonic clocks, one of them slewed."""
 _BOOT_NS = 1_000_000_000
 """Step back of a state's stamp that no link explains."""
 
@@ -23,8 +25,9 @@ class SenderClock:
 
     A sender on this machine stamps with our own monotonic clock, and ages are exact. A sender
     elsewhere counts from its own boot: then the quickest message so far counts as undelayed, and
-    ages are what later ones took longer than that. Which of both it is follows from the identity
-    of the sender's clock, and without one from the delay of the quickest message.
+    ages are what later ones took longer than that. A later one replaces it where the difference is
+    no more than the clocks may have drifted apart. Which of both senders it is follows from the
+    identity of the sender's clock, and without one from the delay of the quickest message.
 
     Parameters
     ----------
@@ -36,6 +39,7 @@ class SenderClock:
         self._local_clock = local_clock
         self._clock = NO_CLOCK
         self._least_lag_ns: int | None = None
+        self._least_at_ns = 0
         self._newest_state_ns: int | None = None
 
     @property
@@ -69,7 +73,9 @@ class SenderClock:
     def on_message(self, t_ns: int, now_ns: int) -> None:
         """Take the stamp of a message that was sent when it was stamped, or soon after."""
         lag, least = now_ns - t_ns, self._least_lag_ns
-        self._least_lag_ns = lag if least is None else min(lag, least)
+        drift_ns = (now_ns - self._least_at_ns) * _RATE_DIFFERENCE if self.is_foreign else 0
+        if least is None or lag <= least + drift_ns:
+            self._least_lag_ns, self._least_at_ns = lag, now_ns
 
     def age_ns(self, t_ns: int, now_ns: int) -> int:
         """Age in ns of something stamped ``t_ns`` that is here at ``now_ns``; never negative."""

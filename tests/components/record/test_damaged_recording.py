@@ -1,0 +1,82 @@
+"""Recordings of which a part is damaged: the rest is read, and the damage is named."""
+
+import numpy as np
+import pytest
+from recorded_flight import fly, write_recording
+
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.frame_record import FrameRecord
+from dfvs_service.record.cli import main as record_main
+from dfvs_service.record.reading import RecordingError
+from dfvs_service.replay.flight import Trial, replay
+from dfvs_service.replay.recording import read_recording
+from dfvs_service.report.recording import RecordedFlight
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """Raw pixels: a chunk for every frame."""
+    return fly(np.random.default_rng(7), 12, PixelFormat.RGB8, next_goal_at=6)
+
+
+@pytest.fixture
+def recording(flight, tmp_path):
+    return write_recording(tmp_path, flight.events)
+
+
+def flip_a_bit(path, at):
+    data = bytearray(path.read_bytes())
+    data[at] ^= 0x40
+    path.write_bytes(data)
+
+
+def records(path, warnings):
+    entries = [entry.message for entry in read_recording([path], warnings.append)]
+    return [message for message in entries if isinstance(message, FrameRecord)]
+
+
+def test_a_damaged_chunk_is_left_out_and_named_by_every_tool(flight, recording, capsys):
+    flip_a_bit(recording, recording.stat().st_size // 4)
+    warning = "flight-000.mcap: damaged chunks left out: 1"
+    kept = records(recording, warnings := [])
+    assert warnings == [warning]
+    assert len(flight.turns) - 3 <= len(kept) < len(flight.turns)
+    assert kept[-1] == flight.turns[-1]
+    assert replay([recording], Trial(), lambda _: None).warnings == (warning,)
+    assert RecordedFlight([recording]).read().summary.told == (f"warning: {warning}",)
+    assert record_main(["recover", str(recording)]) == 0
+    assert f"warning: {warning}" in capsys.readouterr().err
+    assert records(recording.with_stem("flight-000-recovered"), []) == kept
+
+
+def test_a_file_that_ends_early_is_named(recording):
+    recording.write_bytes(recording.read_bytes()[:-1000])
+    records(recording, warnings := [])
+    assert warnings == ["flight-000.mcap ends early: it was cut off, or is damaged there"]
+
+
+def test_records_whose_session_header_is_damaged_are_left_out_and_counted(flight, recording):
+    """Nobody knows which goal they are about."""
+    header, _ = next(event for event in flight.events[1:] if event[0] not in flight.turns)
+    flip_a_bit(recording, recording.read_bytes().index(str(header.opened_ns).encode()))
+    kept = records(recording, warnings := [])
+    assert kept == flight.turns[: len(kept)]
+    assert 3 < len(kept) <= 6
+    assert "flight-000.mcap: frame records without their session header left out: 6" in warnings
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(4096)])
+def test_a_file_that_a_power_cut_left_empty_is_left_out_and_named(content, flight, recording):
+    empty = recording.with_name("flight-001.mcap")
+    empty.write_bytes(content)
+    source = RecordedFlight([recording, empty])
+    assert len(source.read().series.error_m) == len(flight.turns)
+    assert source.read().summary.told == (f"warning: {empty} is not a recording: left out",)
+    assert replay([recording, empty], Trial(), lambda _: None).frames
+
+
+def test_a_recording_whose_only_session_header_is_damaged_is_refused_for_it(tmp_path):
+    path = write_recording(tmp_path, fly(np.random.default_rng(7), 3).events)
+    flip_a_bit(path, path.read_bytes().index(b"first_turn"))
+    with pytest.raises(RecordingError, match="or its session header is damaged"):
+        records(path, [])
