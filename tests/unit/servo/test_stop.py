@@ -82,6 +82,14 @@ def test_outside_the_tolerance_nothing_is_reached():
     assert not is_reached(StopState())
 
 
+@pytest.mark.parametrize(("spread", "most"), [(0.03, 0.94), (0.6, 0.3)])
+def test_a_distance_whose_scale_is_a_guess_has_to_be_shorter(spread, most):
+    """Within tolerance even if the scale is two standard deviations larger; the angle is known."""
+    for error, reached in ((0.98 * most, True), (1.02 * most, False)):
+        learnt = [(spread, 0)] * 21
+        assert is_reached(after([error] * 21, turns=[0.9] * 21, learnt=learnt)) == reached
+
+
 def test_nothing_is_reached_in_passing():
     """A vehicle that flies through the goal has no error on average, and a large spread."""
     passing = np.linspace(10.0, -10.0, 60)
