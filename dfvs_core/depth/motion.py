@@ -24,8 +24,8 @@ from dfvs_core.geometry.robust_weights import weighted_median
 
 _PRIOR_SPREAD = 0.5
 """Relative standard deviation of inverse depth around its median in a scene."""
-_NEAR, _FAR = 0.3, 30.0
-"""Bounds of the depth given out, in units."""
+_NEAR, _FAR = 0.1, 10.0
+"""Bounds of the depth given out, in parts of the prior."""
 _NEAREST = 0.02
 """Depth in units below which a point is taken for one at that depth."""
 
@@ -151,8 +151,9 @@ class MotionDepth:
         spread_sq = (_PRIOR_SPREAD * median) ** 2
         trust = spread_sq / (spread_sq + variance)
         filled = trust * rho + (1.0 - trust) * median
-        z = 1.0 / np.clip(filled, 1.0 / _FAR, 1.0 / _NEAR)
-        return DepthMap(z.astype(np.float32), trust.astype(np.float32))
+        bounded = np.clip(filled, 1.0 / (_FAR * self.prior), 1.0 / (_NEAR * self.prior))
+        validity = trust * np.minimum(filled / bounded, bounded / filled)
+        return DepthMap((1.0 / bounded).astype(np.float32), validity.astype(np.float32))
 
 
 def _in_goal_view(

@@ -5,6 +5,7 @@ correspondences, on average over a window: a hovering vehicle is never quite sti
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,9 @@ _INDEPENDENT = 3.0
 _PROGRESS_SHARE, _PROGRESS = 0.05, 5.0
 """Fall of an error that is progress, in parts of it, or in tolerances: far from the goal, at the
 reduced speed of the start, the first would take longer than is waited for."""
+_SWING = 0.8
+"""Ratio of an error to the largest since the goal was passed, below which a vehicle comes back; and
+of that largest to the one of the pass before, below which coming back is progress."""
 _LEARNT = 0.8
 """Uncertainty of the metric scale over the least so far, below which errors begin anew: distances
 before it are of another length, and flying to learn it is progress."""
@@ -78,7 +82,8 @@ class Progress:
     """The smallest errors so far, and when either of them last fell; a pause shifts that time.
 
     They begin anew where the metric scale is known better or the goal's position is another one;
-    ``scale_spread`` and ``restarts`` are those of the last time.
+    ``scale_spread`` and ``restarts`` are those of the last time. ``swing`` is the largest score
+    since the goal was last passed.
     """
 
     t_ns: int
@@ -86,6 +91,7 @@ class Progress:
     feature_error: float
     scale_spread: float = 0.0
     restarts: int = 0
+    swing: float = np.inf
 
     @classmethod
     def of(cls, now: ErrorSample) -> "Progress":
@@ -130,7 +136,7 @@ def update_stop(
     elif paused:
         progress = _pause(progress, state.recent[-1], now)
     else:
-        progress = _advance(progress, now)
+        progress = _advance(progress, recent)
     return StopState(recent, progress)
 
 
@@ -149,11 +155,19 @@ def _rebased(smallest: float, last: float, now: float) -> float:
     return now * max(smallest / last, 1.0) if last > 0.0 else now
 
 
-def _advance(progress: Progress, now: ErrorSample) -> Progress:
-    """Lower each smallest error that was clearly undercut; either one is progress."""
+def _advance(progress: Progress, recent: Sequence[ErrorSample]) -> Progress:
+    """Lower each smallest error that was clearly undercut; either one is progress.
+
+    So is coming back after the goal was passed: the smallest score begins anew with that.
+    """
+    now = recent[-1]
     is_learnt = now.scale_spread < _LEARNT * progress.scale_spread
     if is_learnt or now.restarts != progress.restarts:
         return Progress.of(now)
+    peak = max((s.score for s in recent if s.t_ns > progress.t_ns), default=0.0)
+    has_passed = progress.score < _NEARLY_THERE < now.score < _SWING * peak
+    if has_passed and peak < _SWING * progress.swing:
+        progress = replace(progress, t_ns=now.t_ns, score=now.score, swing=peak)
     nearer = progress.score - now.score > min(_PROGRESS_SHARE * progress.score, _PROGRESS)
     alike = now.feature_error < (1.0 - _PROGRESS_SHARE) * progress.feature_error
     return replace(

@@ -29,6 +29,9 @@ from dfvs_service.settings.sections import (
     ZenohSection,
 )
 
+_BRAKING_S = {"horizontal": 1.3, "vertical": 2.0}
+"""Speed over slew limit up to which the servo law begins to brake early enough for the goal."""
+
 _MOST_SILENCE_S = 0.2
 """A camera that is silent for longer is reported to the gate before its last frame is too old."""
 
@@ -57,6 +60,17 @@ class ServiceConfig:
                 "servo.depth = 'given' needs depth with every frame, which no camera sends",
                 "'motion', 'network', 'fused', 'flow' or 'constant'",
             )
+        slew_m_s2 = self.limits.slew_m_s2
+        for axis, most_s in _BRAKING_S.items():
+            limit, asked = f"{axis}_m_s", f"max_{axis}_m_s"
+            speed_m_s = min(getattr(self.limits, limit), getattr(self.servo, asked))
+            if speed_m_s > most_s * slew_m_s2:
+                raise ConfigError(
+                    f"limits.slew_m_s2 = {slew_m_s2:g} brakes {speed_m_s:g} m/s ({axis}) too late: "
+                    "the vehicle would fly beyond the goal",
+                    f"at least {speed_m_s / most_s:.3g} m/s² at this speed",
+                    f"raise limits.slew_m_s2, or lower limits.{limit} or servo.{asked}",
+                )
 
     @property
     def silence_s(self) -> float:

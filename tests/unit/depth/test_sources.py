@@ -105,10 +105,27 @@ def test_another_goal_takes_the_depth_of_the_current_view_over(scene):
     np.testing.assert_allclose(again.z_m[sure], depth.z_m[sure], rtol=0.01)
 
 
-def test_without_any_measurement_the_prior_holds():
-    depth, _ = MotionDepth(prior=2.5).estimate(DepthInputs(GRID), None)
-    np.testing.assert_allclose(depth.z_m, 2.5, rtol=1e-5)
+@pytest.mark.parametrize("prior", [0.2, 2.5, 60.0])
+def test_without_any_measurement_the_prior_holds(prior):
+    depth, _ = MotionDepth(prior=prior).estimate(DepthInputs(GRID), None)
+    np.testing.assert_allclose(depth.z_m, prior, rtol=1e-5)
     assert depth.validity.max() < 0.01
+
+
+def test_depths_in_another_unit_are_the_same_depths(scene):
+    linked, view = link(30.0 * scene), earlier_view(30.0 * scene, (6.0, 0.0, 0.0))
+    depth, _ = learnt(MotionDepth(prior=90.0, pixel_noise=1e-5), view, linked)
+    sure = depth.validity > 0.99
+    assert sure.mean() > 0.8
+    np.testing.assert_allclose(depth.z_m[sure], 30.0 * scene[sure], rtol=0.03)
+
+
+def test_a_depth_beyond_the_bounds_is_not_told_as_measured(scene):
+    scene[4, 6] = 1000.0
+    source = MotionDepth(pixel_noise=1e-7)
+    depth, _ = learnt(source, earlier_view(scene, (0.2, 0.0, 0.0)), link(scene))
+    assert depth.z_m[4, 6] < 500.0
+    assert depth.validity[4, 6] < 0.5
 
 
 def test_flow_depth_is_the_paper_s(scene):

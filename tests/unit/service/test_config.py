@@ -283,6 +283,18 @@ def test_depth_that_nobody_gives_is_refused():
         load_config(None, {"servo.depth": "given"})
 
 
+@pytest.mark.parametrize(("axis", "least_m_s2"), [("horizontal", 1.54), ("vertical", 1.0)])
+def test_a_speed_that_is_braked_too_late_for_the_goal_is_refused(axis, least_m_s2):
+    fast = {f"limits.{axis}_m_s": 2, f"servo.max_{axis}_m_s": 2}
+    remedy = rf"at least {least_m_s2:g} m/s².*raise limits\.slew_m_s2"
+    with pytest.raises(ConfigError, match=remedy):
+        load_config(None, fast)
+    with pytest.raises(ConfigError, match=remedy):
+        load_config(None, {**fast, "limits.slew_m_s2": least_m_s2 - 0.02})
+    load_config(None, {**fast, "limits.slew_m_s2": least_m_s2})
+    load_config(None, {f"limits.{axis}_m_s": 2})  # the law asks for no more than its own limit
+
+
 @pytest.mark.parametrize(("rate_hz", "silence_s"), [(60, 2 / 60), (12.5, 0.16), (8, 0.2), (5, 0.2)])
 def test_a_camera_is_silent_after_two_periods_of_the_lowest_rate_or_a_fifth_of_a_second(
     rate_hz, silence_s

@@ -204,6 +204,23 @@ def test_a_scale_that_is_hardly_known_better_is_no_progress():
     assert is_stuck(after([20.0] * 150, learnt=known), progress_s=5.0)
 
 
+@pytest.mark.parametrize(("fall", "stuck"), [(0.15, False), (0.0, True)])
+def test_a_vehicle_that_comes_back_after_it_passed_the_goal_makes_progress(fall, stuck):
+    def score(t_s, _):
+        return np.interp(t_s, [0.0, 3.0, 4.0], [40.0, 0.2, 18.0]) * (1.0 - fall) ** max(t_s - 4, 0)
+
+    assert (with_holds(score, 15.0, 60.0) is not None) is stuck
+
+
+@pytest.mark.parametrize(("decay", "stuck"), [(0.7, False), (1.0, True)])
+def test_only_swings_that_decay_are_progress(decay, stuck):
+    def score(t_s, _):
+        swing, phase = divmod(t_s, 7.0)
+        return 0.2 + 20.0 * decay**swing * (1.0 - np.cos(2.0 * np.pi * phase / 7.0))
+
+    assert (with_holds(score, 28.0, 60.0) is not None) is stuck
+
+
 def test_near_the_goal_no_progress_is_asked_for():
     assert not is_stuck(after([2.9] * 200), progress_s=5.0)
 
