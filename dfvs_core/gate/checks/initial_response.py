@@ -97,6 +97,8 @@ class InitialResponse:
     earlier: tuple[Fall, Fall, Fall] = (_NONE, _NONE, _NONE)
     mounting_score: float | None = None
     """The last one that was reported."""
+    is_mounted_right: bool = False
+    """Whether one was high enough; perception asks for no more tilt then, and forgets."""
     asked_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     asked_rad: float = 0.0
     moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -119,6 +121,7 @@ class InitialResponse:
             del self.errors[_MEDIAN_OF]
         if report.mounting_score is not None:
             self.mounting_score = report.mounting_score
+            self.is_mounted_right |= report.mounting_score >= MOUNTING_SCORE
 
     def integrate(self, setpoint: BodyVelocity, own: VehicleMotion, now_ns: int) -> None:
         """Count what was asked for and what was done since the last call."""
@@ -149,10 +152,9 @@ class InitialResponse:
         since_ns = self.earlier_ns + period_ns
         if since_ns < timing.response_ns:
             return Response.OPEN
-        is_right = score is not None and score >= MOUNTING_SCORE
         is_over = since_ns >= timing.response_limit_ns
         may_confirm = score is None or (is_over and score >= DOUBTFUL_MOUNTING)
-        if is_right or (may_confirm and self._has_fallen()):
+        if self.is_mounted_right or (may_confirm and self._has_fallen()):
             return Response.CONFIRMED if period_ns >= timing.response_ns else Response.OPEN
         was_asked = math.hypot(*self.asked_m) >= ASKED_M or abs(self.asked_rad) >= ASKED_RAD
         return Response.FAILED if was_asked and is_over else Response.OPEN

@@ -163,14 +163,14 @@ def _score(off: FloatArray, wrong: FloatArray, information: FloatArray) -> float
 def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
     """Velocity (4,) of a vehicle, aslant while its mounting is undecided: that tilts it.
 
-    In every other half second, ahead to the right and back to the left in turn, which is about both
-    axes; else the ``velocity`` of the law. The gate scales it to the reduced speed.
+    Ahead to the right and back to the left in turn, which is about both axes; in every fourth half
+    second the ``velocity`` of the law. The gate scales it to the reduced speed.
     """
     phase = t_ns // _PROBE_NS % 4
-    if score is None or abs(score) >= MOUNTING_SCORE or phase % 2 == 0:
+    if score is None or abs(score) >= MOUNTING_SCORE or phase == 0:
         return velocity
     aslant = np.zeros_like(velocity)
-    aslant[:2] = _PROBE_M_S if phase == 1 else -_PROBE_M_S
+    aslant[:2] = _PROBE_M_S if phase % 2 else -_PROBE_M_S
     return aslant
 
 

@@ -85,12 +85,12 @@ def test_a_right_mounting_confirms_where_the_time_limit_is_over_as_well():
     assert motion.judge() is Response.CONFIRMED
 
 
-def test_the_last_score_counts_and_a_report_without_one_changes_nothing():
-    motion = Motion().see(score=-4.0).see(score=5.0).see(score=None)
+@pytest.mark.parametrize(("score", "shown"), [(5.0, "CONFIRMED"), (4.9, "OPEN")])
+def test_a_score_that_was_high_enough_counts_later_too(score, shown):
+    """Once it was, perception asks for no more tilt, and forgets."""
+    motion = Motion().see(score=-4.0).see(score=score).see(score=4.0).see(score=None)
     motion.now_ns = TIMING.response_ns
-    assert motion.judge() is Response.CONFIRMED
-    motion.see(score=4.0).see(score=None)
-    assert motion.judge() is Response.OPEN
+    assert motion.judge() is Response[shown]
 
 
 @pytest.mark.parametrize("score", [4.9, 0.0, -2.0, -4.9])

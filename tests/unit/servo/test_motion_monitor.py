@@ -60,7 +60,7 @@ def follow(state, tilts_rad, seed=0):
 def right_mounting():
     """Regression of a right mounting that has just been told, and the same after 10 s at rest."""
     t = 0.1 * np.arange(30)
-    tilts = 0.002 * np.stack([np.sin(5.0 * t), np.sin(3.3 * t)], axis=1)
+    tilts = 0.004 * np.stack([np.sin(5.0 * t), np.sin(3.3 * t)], axis=1)
     told = follow(begin_mounting(0, np.eye(3)), tilts)
     return told, follow(told, np.zeros((100, 2)), seed=1)
 
@@ -91,7 +91,7 @@ def test_a_mounting_that_passed_before_the_flight_alone_is_probed_in_flight():
     """The gate asks for the score in flight."""
     told, faded = right_mounting()
     _, monitor = asked_aside(MotionMonitor(told), 0, engaged=False)
-    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.5
+    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.75
 
 
 def test_a_mounting_that_passed_is_probed_in_another_engagement_as_the_gate_asks_for_it_anew():
@@ -100,7 +100,7 @@ def test_a_mounting_that_passed_is_probed_in_another_engagement_as_the_gate_asks
     _, monitor = monitor.measure(TASK, frame(30, is_engaged=False, is_paused=True))
     assert monitor.has_mounting_passed
     _, monitor = monitor.measure(TASK, frame(31, is_engaged=False))
-    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.5
+    assert asked_aside(replace(monitor, mounting=faded), 120)[0] == 0.75
 
 
 def watched(frames):
