@@ -24,11 +24,16 @@ def score_reported(mounted_deg, velocity, seconds=2.5):
 
 
 @pytest.mark.parametrize(
-    "velocity", [(0.1, 0.0, 0.0), (0.0, -0.1, 0.0), (0.07, 0.07, 0.05)], ids=["on", "left", "down"]
+    ("velocity", "is_about_both_axes"),
+    [((0.1, 0.0, 0.0), False), ((0.0, -0.1, 0.0), False), ((0.07, 0.07, 0.05), True)],
+    ids=["on", "left", "aslant"],
 )
-def test_the_report_tells_how_the_camera_is_mounted(velocity):
-    """The vehicle tilts to set out and to stop, as it does while its mounting is undecided."""
-    assert score_reported(0.0, velocity) > RIGHT_SCORE
+def test_the_report_tells_how_the_camera_is_mounted(velocity, is_about_both_axes):
+    """The vehicle tilts to set out and to stop, as it does while its mounting is undecided.
+
+    A tilt about one axis tells a camera that is turned about the vertical, and clears none.
+    """
+    assert (score_reported(0.0, velocity) > RIGHT_SCORE) == is_about_both_axes
     for mounted_deg in (180.0, 90.0, -90.0):
         assert score_reported(mounted_deg, velocity) < -RIGHT_SCORE
 
