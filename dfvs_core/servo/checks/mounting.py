@@ -42,22 +42,26 @@ _GYRO_NOISE_RAD = 2e-5
 _LEAST_INFORMATION = 4.0 * (_GYRO_NOISE_RAD / _LEAST_SPREAD_RAD) ** 2
 """Trace of the information in each frame below which there is not even that noise."""
 
-_RIGHT: FloatArray = np.array([1.0, 0.0, 0.0, 1.0])
-_WRONG: tuple[FloatArray, ...] = (
-    *(
-        np.array([math.cos(a), -math.sin(a), math.sin(a), math.cos(a)])
-        for a in np.radians(np.arange(75.0, 286.0, 5.0))
+_SLOPES: tuple[tuple[FloatArray, FloatArray, FloatArray], ...] = (
+    (
+        np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [1.0, 0.0]]),
+        np.array([1.0, 0.0]),
+        np.array([[math.cos(a), math.sin(a)] for a in np.radians(np.arange(75.0, 286.0, 5.0))]),
     ),
-    np.array([1.0, 0.0, 0.0, -1.0]),
-    np.array([-1.0, 0.0, 0.0, 1.0]),
+    (
+        np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
+        np.array([1.0, 1.0]),
+        np.array([[1.0, -1.0], [-1.0, 1.0]]),
+    ),
 )
-"""Slopes, row by row: as the settings say; turned about the vertical, or with a sign turned."""
+"""Two families of slopes, a turn about the vertical (cosine, sine) and a factor of each axis: the
+slope (4,), row by row, for either parameter, and the parameters of right and wrong mountings."""
 
 _LEAST_MISFIT = 0.5
 """Least variance of the increments over what is stated for them: a few frames may fit too well."""
 
-_MOST_OFF = 0.25
-"""Distance from both, as a share of that between the two, at which a slope fits neither."""
+_MOST_OFF = 0.5
+"""Distance from all of these at which a slope fits none: the images or the attitude are poor."""
 
 _PROBE_NS = 500_000_000
 _PROBE_M_S = 0.3
@@ -133,31 +137,37 @@ def follow_mounting(
 def mounting_score(state: MountingState | None) -> float | None:
     """How clearly the slope tells a right mounting from a wrong one, in its standard deviations.
 
-    The score against each wrong one is twice the logarithm of their likelihood ratio over the
+    It is fitted as a turn about the vertical, and as a factor of each axis; of the wrong mountings
+    of each the nearest counts. The score is twice the logarithm of the likelihood ratio over the
     distance between the two: plus that distance where the slope is the right one, minus that
-    distance where it is the wrong one, 0 half way. A slope that fits neither decides nothing. The
-    least of these counts: a camera is mounted right if it is in no way wrong. None while too few
-    frames were seen, or the attitude does not even tell noise: nobody told it.
+    distance where it is the wrong one, 0 half way. A slope that fits neither, such as 0, decides
+    nothing. The lesser of both scores counts: a camera is mounted right if it is in no way wrong.
+    None while too few frames were seen, or the attitude does not even tell noise: nobody told it.
     """
     if state is None or state.frames < _LEAST_FRAMES:
         return None
     if np.trace(state.information) < _LEAST_INFORMATION * state.frames:
         return None
-    H = state.information + 1e-9 * np.eye(4)
-    slope = np.linalg.solve(H, state.vector)
-    misfit = (state.square - float(state.vector @ slope)) / (2.0 * state.frames - 4.0)
-    H = H / max(misfit, _LEAST_MISFIT)
-    score = min(_score(slope - _RIGHT, wrong - _RIGHT, H) for wrong in _WRONG)
+    score = min(_score(state, *family) for family in _SLOPES)
     return min(max(score, -MOST_SCORE), MOST_SCORE)
 
 
-def _score(off: FloatArray, wrong: FloatArray, information: FloatArray) -> float:
-    """Score of a slope that is ``off`` (4,) from the right one, against a ``wrong`` one (4,)."""
-    square = float(wrong @ information @ wrong)
-    way = float(off @ information @ wrong) / square
-    if min(abs(way), abs(1.0 - way)) > _MOST_OFF:
+def _score(state: MountingState, family: FloatArray, right: FloatArray, wrong: FloatArray) -> float:
+    """Score by slopes of one family (4, 2), from the parameters of right and wrong mountings."""
+    H = family.T @ state.information @ family + 1e-9 * np.eye(2)
+    vector = family.T @ state.vector
+    found = np.linalg.solve(H, vector)
+    misfit = (state.square - float(vector @ found)) / (2.0 * state.frames - 2.0)
+    H = H / max(misfit, _LEAST_MISFIT)
+
+    def square(off: FloatArray) -> float:
+        return max(float(off @ H @ off), 0.0)
+
+    nearest = min(wrong, key=lambda mounted: square(found - mounted))
+    if min(np.linalg.norm(found - mounted) for mounted in (right, nearest)) > _MOST_OFF:
         return 0.0
-    return (1.0 - 2.0 * way) * math.sqrt(square)
+    apart = math.sqrt(square(right - nearest))
+    return (square(found - nearest) - square(found - right)) / max(apart, 1e-9)
 
 
 def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
