@@ -238,7 +238,7 @@ def _probed(
     velocity: FloatArray,
     estimate: GoalEstimate,
 ) -> FloatArray:
-    """Velocity (d,) of the law, or one aslant until the mounting has passed; limited."""
+    """Velocity (d,) of the law, or a diagonal one until the mounting has passed; limited."""
     is_near = estimate.distance_m <= _PROBED * task.config.tolerance_m
     if not inputs.engaged or is_near or measures.has_mounting_passed:
         return velocity

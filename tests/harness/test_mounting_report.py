@@ -26,7 +26,7 @@ def score_reported(mounted_deg, velocity, seconds=2.5):
 @pytest.mark.parametrize(
     ("velocity", "is_about_both_axes"),
     [((0.1, 0.0, 0.0), False), ((0.0, -0.1, 0.0), False), ((0.07, 0.07, 0.05), True)],
-    ids=["on", "left", "aslant"],
+    ids=["on", "left", "diagonal"],
 )
 def test_the_report_tells_how_the_camera_is_mounted(velocity, is_about_both_axes):
     """The vehicle tilts to set out and to stop, as it does while its mounting is undecided.

@@ -171,7 +171,7 @@ def _score(state: MountingState, family: FloatArray, right: FloatArray, wrong: F
 
 
 def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
-    """Velocity (4,) of a vehicle, aslant while its mounting is undecided: that tilts it.
+    """Velocity (4,) of a vehicle, diagonal while its mounting is undecided: that tilts it.
 
     Ahead to the right and back to the left in turn, which is about both axes; in every fourth half
     second the ``velocity`` of the law. The gate scales it to the reduced speed.
@@ -179,9 +179,9 @@ def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> Fl
     phase = t_ns // _PROBE_NS % 4
     if score is None or abs(score) >= MOUNTING_SCORE or phase == 0:
         return velocity
-    aslant = np.zeros_like(velocity)
-    aslant[:2] = _PROBE_M_S if phase % 2 else -_PROBE_M_S
-    return aslant
+    diagonal = np.zeros_like(velocity)
+    diagonal[:2] = _PROBE_M_S if phase % 2 else -_PROBE_M_S
+    return diagonal
 
 
 def _rotation_vector(R: FloatArray) -> FloatArray:

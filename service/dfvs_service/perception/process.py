@@ -93,10 +93,8 @@ class PerceptionProcess:
         camera = config.camera.model() or goal.sidecar.camera
         self._flown = GoalSidecar(camera, mount=config.camera.mount or Mount())
         self._doubts = CameraDoubts(camera)
-        is_dfvs_source = config.camera.source == "dfvs"
-        self._rate_limiter = (
-            FrameRateLimiter(camera.size, time.monotonic_ns()) if is_dfvs_source else None
-        )
+        limiter = FrameRateLimiter(camera.size, time.monotonic_ns())
+        self._rate_limiter = limiter if config.camera.source == "dfvs" else None
         self._matcher = flow_matcher(config.flow)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="next-goal")
         self._route = RouteFollower(config, goals, self._workers)
@@ -187,7 +185,7 @@ class PerceptionProcess:
             warn(self._goal_flaw)
             return
         if difference := mount_difference(self._flown.mount, self._goal.sidecar.mount):
-            log.warning("%s", difference)
+            warn(difference)
         pipeline = self._frame_processor.pipeline
         pipeline.set_goal(servo_task(self._config, self._goal), pipeline.prepare(self._goal))
         self._publish_goal(telemetry, publisher)

@@ -257,17 +257,17 @@ def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large)
     assert lengths[2] > 4
 
 
-def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
+def test_a_file_that_was_cut_short_is_recovered(tmp_path, large):
     desk = Desk(tmp_path).record(large.events)
     (whole,) = desk.files
-    cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
+    cut, recovered = tmp_path / "cut.mcap", tmp_path / "recovered.mcap"
     cut.write_bytes(whole.read_bytes()[:-200_000])
-    count = recover(cut, mended, print)
-    with mended.open("rb") as file:
+    count = recover(cut, recovered, print)
+    with recovered.open("rb") as file:
         assert make_reader(file).get_summary().statistics.message_count == count
-    assert told([mended]) == told([cut])
+    assert told([recovered]) == told([cut])
     with pytest.raises(RecordingError, match="exists"):
-        recover(cut, mended, print)
+        recover(cut, recovered, print)
 
 
 def test_a_repaired_copy_beside_its_original_is_left_out_and_named(tmp_path):
