@@ -20,13 +20,13 @@ class ServoConfig:
         "hybrid: pose from flow and depth while far, mean Jacobian when near; or one of "
         "pose, mean, current (the paper's) alone",
     )
-    gain_far: float = setting(1.7, "gain while the goal is far, 1/s", low=0.01, high=5.0)
-    gain_near: float = setting(2.0, "gain when the error is nearly gone, 1/s", low=0.01, high=5.0)
+    gain_far: float = setting(1.5, "gain while the goal is far, 1/s", low=0.01, high=5.0)
+    gain_near: float = setting(2.5, "gain when the error is nearly gone, 1/s", low=0.01, high=5.0)
     gain_error: float = setting(
         0.3, "error (m + rad) at which the gain lies between the two", low=1e-3, high=10.0
     )
     response_s: float = setting(
-        0.8, "how late the vehicle follows a velocity; predicted away, s", low=0.0, high=3.0
+        0.65, "how late the vehicle follows a velocity; predicted away, s", low=0.0, high=3.0
     )
     yaw_response_s: float = setting(0.5, "the same for the yaw rate, s", low=0.0, high=3.0)
     damping: float = setting(1e-3, "mu of the paper's Eq. (1)", low=0.0, high=1.0)

@@ -89,7 +89,7 @@ class Approach:
 def test_the_goal_is_approached_fast_and_not_flown_past(distance_m):
     approach = Approach(distance_m).fly()
     bound_s = trapezoid_s(distance_m, LIMITS.horizontal_m_s, LIMITS.slew_m_s2)
-    assert approach.within_s < 1.65 * bound_s
+    assert approach.within_s < 1.52 * bound_s
     assert approach.overshoot_m < 0.03
     assert approach.swinging_m_s < 0.2
 
