@@ -24,7 +24,8 @@ class PerceptionReport:
     """What perception makes of one frame, or of the lack of one.
 
     ``velocity`` is (forward, right, down) in m/s and the yaw rate in rad/s, in the level body
-    frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not.
+    frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not, else
+    which goal of a route is at hand, once the first was passed.
     ``reached`` says that the frame shows the goal within tolerance. ``lost`` says that the goal
     cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
     of the current view that shows the goal, 0 to 1. ``feature_error`` is the length of the flow to

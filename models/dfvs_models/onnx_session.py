@@ -1,7 +1,10 @@
 """ONNX Runtime session with fixed threads and execution provider."""
 
+import contextlib
 import functools
 import os
+import shutil
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +24,9 @@ _REMOTE = "AzureExecutionProvider"
 """Comes with every ONNX Runtime, takes no operator of a network, and would leave it to the CPU."""
 _TENSORRT = "TensorrtExecutionProvider"
 _WRITABLE_BY_OTHERS = 0o022
+_KEPT_GRAPHS = 16
+"""Graphs whose engines are kept, those used last; a service runs three or so."""
+_GRAPH_FOLDERS = 64 * "[0-9a-f]" + "*"
 _LOAD_ERRORS = (
     runtime_errors.Fail,
     runtime_errors.InvalidArgument,
@@ -205,17 +211,19 @@ class OnnxGraph:
 def provider_options(data: bytes, execution: Execution) -> dict[str, str]:
     """Options of the provider for a graph: where TensorRT keeps its engine.
 
-    Every graph has a folder by its bytes: TensorRT's names of engines do not depend on weights.
+    Every graph has a folder by its bytes, since TensorRT's names of engines do not depend on
+    weights, and by the version of ONNX Runtime, whose engines no other version uses.
     """
     if execution.provider != _TENSORRT or not execution.engine_cache:
         return {}
-    folder = Path(execution.engine_cache) / sha256(data)
+    folder = Path(execution.engine_cache) / f"{sha256(data)}-{onnxruntime.__version__}"
     if not _is_private(folder):
         _warn_once(
             f"TensorRT's engines cannot be kept in {folder.parent}, and are built at every start; "
             "expected a folder that this user, and no other, may write to"
         )
         return {}
+    _delete_unused(folder)
     return {"trt_engine_cache_enable": "True", "trt_engine_cache_path": str(folder)}
 
 
@@ -228,6 +236,17 @@ def _is_private(folder: Path) -> bool:
     except OSError:
         return False
     return all(p.st_uid == os.geteuid() and not p.st_mode & _WRITABLE_BY_OTHERS for p in places)
+
+
+def _delete_unused(used: Path) -> None:
+    """Mark a graph's folder as the last one used, and delete those beyond ``_KEPT_GRAPHS``."""
+    with contextlib.suppress(OSError):  # another service may delete some as well
+        times = {path: path.stat().st_mtime_ns for path in used.parent.glob(_GRAPH_FOLDERS)}
+        newest_ns = max(time.time_ns(), *times.values())  # the wall clock may have been set back
+        os.utime(used, ns=(newest_ns, newest_ns))
+        newest_first = sorted(times.keys() - {used}, key=times.__getitem__, reverse=True)
+        for folder in newest_first[_KEPT_GRAPHS - 1 :]:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 @functools.cache

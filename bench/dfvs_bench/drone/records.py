@@ -8,6 +8,7 @@ from dfvs_bench.drone.bound import TimeBound
 from dfvs_bench.trials.documents import read_document, write_document
 from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_common.progress import log
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.options import FlightOptions
@@ -188,12 +189,18 @@ def write_record(folder: Path, record: FlightRecord) -> None:
 def read_records(folder: Path) -> list[FlightRecord]:
     """Read all records of a folder, in the order of their names.
 
+    A summary of ``dfvs-bench drone --json`` is left out, with a line in the log.
+
     Raises
     ------
     ConfigError
         If one is damaged.
     """
-    return [read_record(path) for path in sorted(folder.glob("*.json"))]
+    paths = sorted(folder.glob("*.json"))
+    summaries = [path for path in paths if b'"methods":' in path.read_bytes()]
+    for path in summaries:
+        log(f"{path} is a summary of dfvs-bench drone, no flight: left out")
+    return [read_record(path) for path in paths if path not in summaries]
 
 
 def read_record(path: Path) -> FlightRecord:

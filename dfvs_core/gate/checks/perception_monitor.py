@@ -155,7 +155,9 @@ class PerceptionMonitor:
         """How little of the goal is in view, as one line; empty where it is enough."""
         if self.overlap >= min_overlap:
             return ""
-        return f"overlap {self.overlap:.0%}, {min_overlap:.0%} needed"
+        lack = f"overlap {self.overlap:.0%}, {min_overlap:.0%} needed"
+        place = "" if self.good is None else self.good.reason
+        return f"{lack} ({place})" if place else lack
 
     @property
     def reason(self) -> str:

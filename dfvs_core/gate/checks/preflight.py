@@ -59,7 +59,7 @@ def preflight(
 
 
 _LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
-_SYSTEM_ID = "set vehicle.system_id to the MAV_SYS_ID of this vehicle's autopilot"
+SYSTEM_ID = "set vehicle.system_id to the MAV_SYS_ID of this vehicle's autopilot"
 _ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
@@ -117,7 +117,7 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
 def _link(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
     """Refuse a link that lacks something, or that leads to several autopilots."""
     if ambiguity := vehicle.other_commanders.ambiguous_link:
-        return Check("link", False, ambiguity, _SYSTEM_ID)
+        return Check("link", False, ambiguity, SYSTEM_ID)
     return _from_fault("link", link_fault(vehicle, config, now_ns), _LINK)
 
 

@@ -110,7 +110,8 @@ class Oracle:
 
 def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -> Outcome:
     """Tell whether the reaction was right and in time."""
-    must_brake = fault.reaction in _BRAKED and not fault.cuts_link and state in _MOVES
+    has_moved = state in _MOVES or any(moves(s) for s in seen.setpoints)
+    must_brake = fault.reaction in _BRAKED and not fault.cuts_link and has_moved
     if fault.reaction is Reaction.ENDED:
         is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
         which = Reaction.RELEASED if is_released else Reaction.ABORT
@@ -120,7 +121,8 @@ def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -
         problem = problem or "the setpoints ended without a zero"
     problem = problem or _misnamed(fault, state, seen)
     reaction_ms = max(reaction_ns - t0_ns, 0) / MS if reaction_ns is not None else math.inf
-    outcome = Outcome(fault.name, str(state), seed, not problem, reaction_ms, seen.cause(), problem)
+    cause = seen.cause(_TARGETS.get(fault.reaction)) or seen.cause()
+    outcome = Outcome(fault.name, str(state), seed, not problem, reaction_ms, cause, problem)
     return timed(outcome, fault)
 
 

@@ -50,25 +50,28 @@ def _poses(harness: Harness, since_ns: int) -> list[Event]:
 
 
 def _initial_motion(harness: Harness, _: np.random.Generator) -> int:
-    """When the vehicle itself, by the truth, began to move in this engagement."""
-    since_ns = harness.service.log.transitions()[-1]["t_ns"]
+    """When the vehicle itself, by the truth, began to move in SERVO, or an earlier ABORT."""
+    harness.await_state(S.SERVO, S.ABORT)
+    since_ns = _entered_ns(harness, S.SERVO)
 
-    def moving() -> list[int]:
+    def begun() -> list[int]:
         poses = _poses(harness, since_ns)
-        return [e["t_ns"] for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
+        moving = [e["t_ns"] for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
+        log = harness.service.log.transitions(since_ns)
+        return sorted(moving[:1] + [t["t_ns"] for t in log if t["target"] == S.ABORT])
 
-    return wait_for_first(moving, _MOTION_S, "the vehicle does not move")
+    return wait_for_first(begun, _MOTION_S, "the vehicle does not move")
 
 
-def _engaged_ns(harness: Harness) -> int:
-    """When the gate was engaged last."""
-    entered = [t["t_ns"] for t in harness.service.log.transitions() if t["target"] == S.ENGAGE]
+def _entered_ns(harness: Harness, state: GateState) -> int:
+    """When the gate entered a state last."""
+    entered = [t["t_ns"] for t in harness.service.log.transitions() if t["target"] == state]
     return int(entered[-1])
 
 
 def _flown_far(harness: Harness, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, was further from its start than it may be."""
-    engaged_ns = _engaged_ns(harness)
+    engaged_ns = _entered_ns(harness, S.ENGAGE)
     start = _poses(harness, engaged_ns)[0]["place"]
 
     def beyond() -> list[int]:
@@ -80,15 +83,14 @@ def _flown_far(harness: Harness, _: np.random.Generator) -> int:
 
 def _flown_long(harness: Harness, _: np.random.Generator) -> int:
     """When the gate has been engaged for as long as it may be."""
-    end_ns = _engaged_ns(harness) + int(_ENGAGED_S * 1e9)
+    end_ns = _entered_ns(harness, S.ENGAGE) + int(_ENGAGED_S * 1e9)
     wait_until(lambda: time.monotonic_ns() >= end_ns, _ENGAGED_S)
     return end_ns
 
 
 def _held_long(harness: Harness, _: np.random.Generator) -> int:
     """When the goal has been held by vision for as long as it may be."""
-    reached = [t["t_ns"] for t in harness.service.log.transitions() if t["target"] == S.DONE]
-    end_ns = int(reached[-1]) + int(_AT_GOAL_S * 1e9)
+    end_ns = _entered_ns(harness, S.DONE) + int(_AT_GOAL_S * 1e9)
     wait_until(lambda: time.monotonic_ns() >= end_ns, _AT_GOAL_S)
     return end_ns
 
@@ -108,12 +110,13 @@ def _misspelt(harness: Harness, _: np.random.Generator) -> int:
 def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
     """A camera that looks another way than the settings say.
 
-    Every case has a fresh service: the vehicle that is put elsewhere between two cases would turn
-    without its gyroscopes.
+    A case begins before SERVO, where the tilt may tell before the vehicle moves. Every case has a
+    fresh service: the vehicle that is put elsewhere between two cases would turn without its
+    gyroscopes.
     """
     return fault(
         (name, text, "initial-response check: tilt by the images against the gyroscopes"),
-        (Reaction.ABORT, 1000.0, (S.SERVO,), _initial_motion),
+        (Reaction.ABORT, 1000.0, (S.ENGAGE,), _initial_motion),
         Setup(mount=Mount(yaw_rad=yaw_rad)),
         restarts=True,
         spares_frames=True,

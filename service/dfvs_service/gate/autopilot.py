@@ -41,7 +41,7 @@ AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
 _READ_AGAIN_S = 1.0
 _READ_EVERY_S = 10.0
-_LISTEN_S = 1.5
+LISTEN_S = 1.5
 """Every autopilot on a link sends a heartbeat within this time."""
 
 Emit = Callable[[VehicleEvent], None]
@@ -200,19 +200,19 @@ class Autopilot:
         self._request_telemetry()
         next_read_s = time.monotonic()
         if not self._is_named:
-            next_read_s += _LISTEN_S  # so that no flight begins before all autopilots were heard
+            next_read_s += LISTEN_S  # so that no flight begins before all autopilots were heard
         while True:
             if self._serial is not None and self._serial.is_lost():
                 on_device_lost(_lost(self._serial))
                 return
-            self._receive_from_others()
+            self.receive_from_others()
             if time.monotonic() >= next_read_s:
                 self._request_telemetry()
                 known = self._read_parameters()
                 next_read_s = time.monotonic() + (_READ_EVERY_S if known else _READ_AGAIN_S)
             time.sleep(_POLL_S)
 
-    def _receive_from_others(self) -> None:
+    def receive_from_others(self) -> None:
         """Subscribe to what other systems send, and report other autopilots.
 
         MAVSDK gives a system's own messages alone.

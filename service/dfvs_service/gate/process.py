@@ -18,6 +18,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
+    AmbiguousLink,
     Event,
     GateOutput,
     ModeRequest,
@@ -189,6 +190,8 @@ class GateProcess:
         for event in events:
             if isinstance(event, ParametersRead):
                 self._warn(event)
+            elif isinstance(event, AmbiguousLink):
+                self.report(event.detail)
         return events
 
     def _warn(self, event: ParametersRead) -> None:

@@ -67,9 +67,12 @@ class RouteFollower:
 
     def amend(self, report: PerceptionReport) -> PerceptionReport:
         """Report for the gate: only the last goal is ever reached, and goals stay passed."""
-        if self.index and not report.healthy:
-            place = f"goal {self.index + 1} of the route's {self.count}"
-            reason = f"{report.reason} ({place}; a new start of the service begins at the first)"
+        if self.index:
+            place = (
+                f"goal {self.index + 1} of the route's {self.count}; "
+                "a new start of the service begins at the first"
+            )
+            reason = f"{report.reason} ({place})" if report.reason else place
             report = dataclasses.replace(report, reason=reason)
         if self.is_last:
             return report

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import sys
@@ -80,6 +81,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="true errors of a simulated flight: JSON lines with t_ns, error_m and error_rad",
     )
+    add(
+        "--engagement",
+        type=int,
+        metavar="N",
+        help="engagement that is shown where there are several, from 1 (default: the last one)",
+    )
     add("--json", action="store_true", help="print the result as JSON")
     add_settings_options(parser)
     return parser
@@ -99,6 +106,12 @@ def _write(arguments: argparse.Namespace) -> int:
     from dfvs_service.report.truth import add_truth
 
     flight = source.read()
+    count = len(flight.engagements)
+    if arguments.engagement not in (None, *range(1, count + 1)):
+        raise ConfigError(
+            f"--engagement {arguments.engagement}; the flight has {count}", f"one from 1 to {count}"
+        )
+    flight = dataclasses.replace(flight, shown=arguments.engagement or 0)
     if arguments.truth is not None:
         add_truth(flight, arguments.truth)
     progress = StatusLine(interval_s=_SHOW_S)

@@ -46,7 +46,7 @@ class Flight:
     """A flight with its curves; times in s from ``start_ns`` (monotonic).
 
     ``settings`` and ``build`` are JSON; ``goals`` are the images (H, W, 3) RGB that were flown to,
-    each with its time.
+    each with its time. ``shown`` is the engagement that a report shows, from 1; 0 for the last.
     """
 
     summary: FlightSummary
@@ -56,6 +56,7 @@ class Flight:
     settings: str
     build: str
     goals: tuple[tuple[float, ImageArray], ...]
+    shown: int = 0
 
     @property
     def engagements(self) -> tuple[Span, ...]:
@@ -72,8 +73,8 @@ class Flight:
 
     @property
     def flown(self) -> Span:
-        """From the first to the last moment in which the vehicle was engaged."""
-        return self.engagements[0][0], self.engagements[-1][1]
+        """From when to when the vehicle was engaged, in the engagement that is shown."""
+        return self.engagements[self.shown - 1]
 
     @property
     def line(self) -> TimeLine:

@@ -121,7 +121,7 @@ def _facts(flight: Flight) -> tuple[tuple[str, str], ...]:
 def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
     """Numbers of the time in which the vehicle was engaged, as far as they are known."""
     series, spans = flight.series, flight.engagements
-    which = ", last engagement" if len(spans) > 1 else ""
+    which = f", engagement {flight.shown or len(spans)} of {len(spans)}" if len(spans) > 1 else ""
     figures = [("time under control", f"{sum(to_s - from_s for from_s, to_s in spans):.1f} s")]
     if not any(change.state == "ENGAGE" for change in flight.summary.states):
         figures = [("time under control", "none")]
@@ -131,7 +131,7 @@ def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
         ("distance to the goal, true", series.true_m, ".3f", "m"),
         ("angle to the goal, true", series.true_deg, ".1f", "°"),
     ):
-        known = values_in(samples, spans[-1:])
+        known = values_in(samples, [flight.flown])
         if known:
             figures.append((name + which, f"{known[0]:{form}} → {known[-1]:{form}} {unit}"))
     if latency := values_in(series.latency_ms, spans):
@@ -189,7 +189,7 @@ def _commanded_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]
 
 def _views(flight: Flight, strip: Sequence[FlightView]) -> tuple[View, ...]:
     """Goal, last view, and what is left between them."""
-    goal = flight.goal_at(math.inf)
+    goal = flight.goal_at(flight.flown[1])
     views = [] if goal is None else [View("Goal", goal)]
     if strip:
         last = strip[-1]

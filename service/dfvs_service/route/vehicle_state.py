@@ -1,9 +1,11 @@
 """Vehicle states from a MAVLink stream, without requests to the vehicle."""
 
 import threading
+import time
 from collections import deque
 
-from dfvs_core.gate.events import Attitude, LocalPosition, VehicleEvent
+from dfvs_core.gate.checks.preflight import SYSTEM_ID
+from dfvs_core.gate.events import AmbiguousLink, Attitude, LocalPosition, VehicleEvent
 from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
 from dfvs_core.messages.link import VehicleState
 from dfvs_service.gate.status import vehicle_state
@@ -24,6 +26,7 @@ class VehicleStateListener:
         self._attitude_only = attitude_only
         self._lock = threading.Lock()
         self._vehicle = VehicleMonitor()
+        self._ambiguity = ""
         if attitude_only:
             self._vehicle.update(LocalPosition(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         self._states: deque[VehicleState] = deque(maxlen=_KEPT)
@@ -38,21 +41,29 @@ class VehicleStateListener:
         timeout_s : float
             Longest wait for a heartbeat.
         system_id : int
-            MAVLink system id; 0 takes the first autopilot that is heard.
+            MAVLink system id; 0 takes the only autopilot on the link.
 
         Raises
         ------
         VehicleError
-            If the connection cannot be opened, or none is received in time.
+            If the connection cannot be opened, none is received in time, or there are several.
         """
         # MAVSDK is needed here alone, and takes its time to load.
-        from dfvs_service.gate.autopilot import Autopilot
+        from dfvs_service.gate.autopilot import LISTEN_S, Autopilot
+        from dfvs_service.gate.mavlink_systems import VehicleError
 
         self._autopilot = Autopilot(self.on_event, lambda _kind, _text: None, system_id=system_id)
         self._autopilot.connect(url, timeout_s)
+        if system_id == 0:
+            time.sleep(LISTEN_S)
+            self._autopilot.receive_from_others()
+        if self._ambiguity:
+            raise VehicleError(self._ambiguity, "one autopilot", SYSTEM_ID)
 
     def on_event(self, event: VehicleEvent) -> None:
         """Take an event, on any thread."""
+        if isinstance(event, AmbiguousLink):
+            self._ambiguity = event.detail
         if self._attitude_only and not isinstance(event, Attitude):
             return
         with self._lock:

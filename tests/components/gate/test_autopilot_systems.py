@@ -15,10 +15,13 @@ from dfvs_core.gate.events import AmbiguousLink, ForeignSetpoint, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.mavlink_systems import VehicleError
+from dfvs_service.route.vehicle_state import VehicleStateListener
 
 pytestmark = pytest.mark.real_time
 
 PATIENCE_S = 30.0
+KEPT = VehicleStateListener(), VehicleStateListener()
+"""MAVSDK ends the process where a connection is freed before what came of it."""
 GROUND_STATION = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 MULTIROTOR = mavlink.MAVLink_heartbeat_message(2, 12, 129, 4 << 16 | 3 << 24, 4, 3)
 
@@ -115,6 +118,19 @@ def test_several_autopilots_on_a_link_are_reported_with_their_ids():
         ambiguity = await_item(events, lambda event: isinstance(event, AmbiguousLink))
         assert "systems 3 and 7" in ambiguity.detail
         assert "255" not in ambiguity.detail
+
+
+def test_goals_are_taken_by_none_of_several_autopilots_unless_it_is_named():
+    unnamed, named = KEPT
+    with link() as (senders, url):
+        senders.add(7, 1, MULTIROTOR)
+        senders.add(3, 1, MULTIROTOR)
+        with pytest.raises(VehicleError, match=r"systems 3 and 7.*vehicle\.system_id"):
+            unnamed.connect(url, PATIENCE_S, 0)
+    with link() as (senders, url):
+        senders.add(7, 1, MULTIROTOR)
+        senders.add(3, 1, MULTIROTOR)
+        named.connect(url, PATIENCE_S, 3)
 
 
 def test_the_autopilot_that_the_settings_name_is_commanded_and_no_other():

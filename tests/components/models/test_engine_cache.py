@@ -1,6 +1,7 @@
 """Where TensorRT keeps its engines; no machine of the tests has TensorRT."""
 
 import os
+from pathlib import Path
 
 import onnxruntime
 import pytest
@@ -30,6 +31,33 @@ def test_engines_are_kept_apart_by_the_bytes_of_their_graphs(tensorrt, tmp_path)
     assert one["trt_engine_cache_path"].startswith(f"{tmp_path}/engines/")
     assert one == again
     assert one["trt_engine_cache_path"] != other["trt_engine_cache_path"]
+
+
+def test_engines_of_another_onnx_runtime_are_not_mixed(tensorrt, tmp_path, monkeypatch):
+    one = provider_options(b"1", tensorrt(tmp_path))
+    monkeypatch.setattr(onnxruntime, "__version__", "0.0.1")
+    assert provider_options(b"1", tensorrt(tmp_path)) != one
+
+
+def test_engines_of_the_graphs_used_last_are_kept_whatever_the_clock_says(
+    tensorrt, tmp_path, monkeypatch
+):
+    (tmp_path / "mine").mkdir()
+    for second in range(20):
+        monkeypatch.setattr("time.time_ns", lambda second=second: (100 + second) * 10**9)
+        path = Path(provider_options(b"%d" % second, tensorrt(tmp_path))["trt_engine_cache_path"])
+        (path / "engine").touch()
+        os.utime(path, ns=((100 + second) * 10**9,) * 2)
+    monkeypatch.setattr("time.time_ns", lambda: 0)
+    kept = {folder.name for folder in tmp_path.iterdir()} - {"mine"}
+    assert len(kept) == 16
+    assert path.name in kept
+    for data in (b"19", b"new", b"newer"):
+        assert Path(provider_options(data, tensorrt(tmp_path))["trt_engine_cache_path"]).is_dir()
+    left = {folder.name for folder in tmp_path.iterdir()}
+    assert len(left) == 17
+    assert path.name in left
+    assert (tmp_path / "mine").is_dir()
 
 
 def test_the_folders_are_private_where_groups_may_write_to_new_ones(tensorrt, tmp_path):

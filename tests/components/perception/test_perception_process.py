@@ -28,7 +28,7 @@ from dfvs_core.messages.frame import (
     decode_header,
     encode_frame,
 )
-from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import (
@@ -105,9 +105,9 @@ class Rig:
         status = GateStatus("READY", "tested", vehicle, goal=self.goal)
         self.gate.sendto(to_datagram(status), self.address)
 
-    def offer(self, picture):
+    def offer(self, picture, sidecar=""):
         """Keep a new goal as the operator link does; its digest."""
-        data = GoalCommand(picture).to_bytes()
+        data = GoalCommand(picture, sidecar).to_bytes()
         digest = goal_digest(data)
         self.new_goals.keep(digest, data)
         return digest
@@ -272,6 +272,15 @@ def test_a_signed_goal_that_is_no_picture_is_said_and_flown_by_nothing(rig, rng)
     report = rig.shoot_until(rng, lambda r: r.goal == rig.goal)
     assert not report.healthy
     assert "the new goal cannot be used" in report.reason
+
+
+def test_a_commanded_goal_of_another_mounting_is_flown_to_with_a_warning(rig, rng):
+    turned = GoalSidecar(CAMERA, mount=Mount(yaw_rad=0.1)).to_json()
+    rig.goal = rig.offer(encode_png(rig.picture), turned)
+    rig.shoot_until(rng, lambda r: r.goal == rig.goal and r.healthy)
+    rig.process.terminate()
+    _, told = rig.process.communicate(timeout=STARTUP_S)
+    assert b"warning: the goal counts as taken at roll 0.0, pitch 0.0, yaw 5.7 deg" in told
 
 
 def test_rubbish_on_the_camera_key_does_no_harm(shared, rng):

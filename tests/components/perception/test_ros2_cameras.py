@@ -19,6 +19,10 @@ LINKS = {
 }
 
 
+_STAMP_NS = 1_000_000_000
+"""Two clocks are read one after the other, however busy the machine is."""
+
+
 class Ros2Rig(Rig):
     """Perception that listens to ROS 2, and a camera that speaks it."""
 
@@ -52,11 +56,12 @@ class Ros2Rig(Rig):
 def test_a_ros_2_camera_is_flown_by_like_our_own(tmp_path, rng, source):
     with Ros2Rig(tmp_path, Wall(texture(rng)).picture(), source) as rig:
         rig.report()
+        began_ns = time.monotonic_ns()
         report = rig.shoot_until(rng, lambda r: r.healthy)
         assert report.error_m < 0.02
-        assert time.monotonic_ns() - report.t_capture_ns < 2_000_000_000
+        assert began_ns - _STAMP_NS < report.t_capture_ns < time.monotonic_ns()
         rig.put(rig.topic, b"\x00\x01\x00\x00 no image")
-        rig.report_where(lambda r: "are no ROS 2" in r.reason, 5.0)
+        rig.report_where(lambda r: "are no ROS 2" in r.reason)
         wrong = [CAMERA.fx * 1.2, 0, 160, 0, CAMERA.fy * 1.2, 120, 0, 0, 1]
         rig.put(rig.info, info_message((320, 240), wrong))
         assert rig.shoot_until(rng, lambda r: r.reached).healthy

@@ -30,6 +30,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.flight.track import TrackPoint
+from dfvs_sim.options import write_json
 from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
@@ -154,6 +155,13 @@ def test_a_record_comes_back_from_disk(tmp_path):
     record_path(tmp_path, "room").write_text("{}")
     with pytest.raises(ConfigError, match=r"room\.json"):
         read_records(tmp_path)
+
+
+def test_a_summary_among_records_is_left_out_with_a_line(tmp_path, capfd):
+    write_record(tmp_path, FLOWN)
+    write_json(tmp_path / "drone.json", {"seed": 0, "methods": {"service": summarise([FLOWN])}})
+    assert read_records(tmp_path) == [FLOWN]
+    assert "drone.json is a summary" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

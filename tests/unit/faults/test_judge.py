@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from dfvs_core.gate.states import GateState
@@ -178,6 +180,38 @@ def test_silence_while_the_vehicle_moves_is_no_zero(reaction, state, last_ms):
 def test_silence_where_zeros_were_sent_already_lets_nothing_move(state):
     oracle = seen(S.ABORT, transitions=[to(S.ABORT, 90)], setpoints=[])
     assert verdict(Reaction.ABORT, oracle, state).passed
+
+
+def test_a_case_that_moves_on_the_way_must_end_with_a_zero():
+    begun = [to(S.SERVO, -90), to(S.ABORT, 190)]
+    moved = seen(S.ABORT, transitions=begun, setpoints=setpoints(180, 180))
+    assert "without a zero" in verdict(Reaction.ABORT, moved, S.ENGAGE).problem
+
+
+def test_the_cause_of_a_case_is_that_of_the_reaction():
+    begun = {**to(S.SERVO, -90), "cause": "engaged"}
+    outcome = verdict(Reaction.ABORT, seen(S.ABORT, transitions=[begun, to(S.ABORT, 1)]), S.ENGAGE)
+    assert outcome.cause == "some cause: why"
+
+
+@pytest.mark.parametrize("name", ["wrong-mount", "sideways-mount"])
+@pytest.mark.parametrize(("speed_m_s", "t0_ms"), [(0.0, 40), (0.1, 30)])
+def test_a_wrong_mounting_that_is_told_before_a_motion_is_found(name, speed_m_s, t0_ms):
+    log = [to(S.ENGAGE, -1000), to(S.SERVO, 0), to(S.ABORT, 40)]
+    pose = {"t_ns": T0 + 30 * MS, "kind": "pose", "velocity": (speed_m_s, 0.0, 0.0)}
+    harness = SimpleNamespace(
+        await_state=lambda *states: None,
+        service=SimpleNamespace(
+            log=SimpleNamespace(transitions=lambda since=0: [t for t in log if t["t_ns"] >= since])
+        ),
+        environment=SimpleNamespace(events=[pose]),
+    )
+    mounted = all_faults()[name]
+    t0_ns = mounted.inject(harness, np.random.default_rng(0))
+    assert t0_ns == T0 + t0_ms * MS
+    cause = {**log[-1], "cause": mounted.says[0]}
+    ended = seen(S.ABORT, 20, [*log[1:-1], cause])
+    assert judge(mounted, *map(S, mounted.states), 0, t0_ns, ended).passed
 
 
 def test_an_end_of_the_service_without_a_zero_fails():

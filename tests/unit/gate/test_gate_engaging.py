@@ -236,7 +236,11 @@ def test_a_command_to_engage_that_waits_for_a_check_names_it():
     gate = waiting_for_engage()
     gate.changes = {"overlap": 0.08}
     gate.run(0.1)
-    assert gate.machine.reason == "engage waits for goal: overlap 8%, 9% needed"
+    waits = "engage waits for goal: overlap 8%, 9% needed"
+    assert gate.machine.reason == waits
+    gate.changes |= {"reason": "goal 2 of the route's 3"}
+    gate.run(0.1)
+    assert gate.machine.reason == f"{waits} (goal 2 of the route's 3)"
 
 
 def test_a_command_to_engage_that_has_expired_says_so_until_it_is_commanded_again():

@@ -31,6 +31,11 @@ def test_a_logarithmic_axis_holds_its_range_and_has_two_ticks_or_more(a, b):
     assert axis.share(math.sqrt(axis.low * axis.high)) == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("value", [1e-3, 20.0, 50.0, 100.0])
+def test_a_logarithmic_axis_of_one_value_has_a_range(value):
+    assert log_axis(value, value).share(value) == 0.0
+
+
 @given(st.lists(st.floats(0.0, 1e3), min_size=1), st.floats(1e-3, 10.0))
 def test_an_axis_around_a_tolerance_shows_values_on_either_side_of_it(values, tolerance):
     axis = tolerance_axis(values, tolerance)

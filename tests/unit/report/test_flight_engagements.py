@@ -1,5 +1,9 @@
 """Figures of a flight that was engaged more than once."""
 
+import dataclasses
+import re
+
+import numpy as np
 import pytest
 
 from dfvs_service.flights.records import FlightSummary, StateChange
@@ -43,7 +47,29 @@ def test_time_between_two_engagements_is_not_under_control(flight, tmp_path):
     assert "999.0" not in page
 
 
-def test_distances_are_those_of_the_last_engagement_and_say_so(flight, tmp_path):
+@pytest.mark.parametrize(
+    ("shown", "name", "distances", "times_s"),
+    [
+        (0, "engagement 2 of 2", "2.000 → 0.100 m", (7202.0, 7228.0)),
+        (1, "engagement 1 of 2", "9.000 → 8.000 m", (62.0, 88.0)),
+    ],
+)
+def test_a_report_shows_one_engagement_and_says_which(
+    shown, name, distances, times_s, flight, tmp_path
+):
+    flight = dataclasses.replace(flight, shown=shown)
+    assert (flight.line.from_s, flight.line.to_s) == times_s
     page = make_report(Source(), flight, tmp_path / "film.webm")
-    assert "distance to the goal, estimated, last engagement" in page
-    assert "2.000 → 0.100 m" in page
+    assert f"distance to the goal, estimated, {name}" in page
+    assert distances in page
+
+
+def test_the_goal_is_that_of_the_engagement_that_is_shown(flight, tmp_path):
+    goals = tuple((t_s, np.full((8, 8, 3), t_s, np.uint8)) for t_s in (0.0, 200.0))
+
+    def goal(shown, goals):
+        changed = dataclasses.replace(flight, goals=goals, shown=shown)
+        page = make_report(Source(), changed, tmp_path / "film.webm")
+        return re.findall(r'<img src="([^"]*)" alt="Goal', page)
+
+    assert goal(1, goals) == goal(1, goals[:1]) != goal(2, goals)

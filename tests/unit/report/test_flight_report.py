@@ -249,6 +249,7 @@ def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, cap
         (["latest", "--out", "flight.pdf"], "--out flight.pdf is no page"),
         (["latest", "--film", "/no/such/folder/x.webm"], "x.webm lies in no folder"),
         (["latest", "--film", "film.avi"], "the video is to be film.avi"),
+        (["latest", "--engagement", "2"], "--engagement 2; the flight has 1"),
         (["latest", "--truth", "/no/such/file"], "cannot be read from /no/such/file"),
         (["latest", "20000101T000000Z-drone1"], "2 flights"),
         (["/no/such/recording.mcap"], "cannot read /no/such/recording.mcap"),

@@ -4,6 +4,7 @@ import contextlib
 import signal
 import socket
 
+from dfvs_core.gate.events import AmbiguousLink
 from dfvs_core.messages.link import GateStatus, from_datagram
 from dfvs_service.gate.process import SilentLink, start_autopilot
 
@@ -30,6 +31,13 @@ def test_a_fault_is_shown_in_every_state_and_logged_once_a_report(gate, tmp_path
     assert all(state.warnings == (FAULT,) for state in states)
     gate.close()
     assert (tmp_path / "gate.jsonl").read_text().count(FAULT) == 2
+
+
+def test_another_autopilot_on_the_link_is_told_whatever_the_state(gate, tmp_path):
+    gate.emit(AmbiguousLink(1, "autopilots of systems 1 and 7 on one link"))
+    run_to_the_end(gate)
+    gate.close()
+    assert "autopilots of systems 1 and 7" in (tmp_path / "gate.jsonl").read_text()
 
 
 class Told:

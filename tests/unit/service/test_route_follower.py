@@ -94,15 +94,16 @@ def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
     assert rig.stay(120.0, 2)[-1].reached
 
 
-def test_a_refused_frame_of_a_route_under_way_names_the_goal_and_how_to_begin_anew():
+def test_a_frame_of_a_route_under_way_names_the_goal_and_how_to_begin_anew():
     rig = Rig()
     rig.state = "READY"
     assert "of the route's" not in rig.stay(170.0, 1)[-1].reason
-    rig.stay(40.0, 2)
-    report = rig.stay(170.0, 2)[-1]
-    assert not report.healthy
-    assert "goal 2 of the route's 3" in report.reason
-    assert "new start" in report.reason
+    good = rig.stay(40.0, 2)[-1]
+    place = "goal 2 of the route's 3; a new start of the service begins at the first"
+    assert (good.healthy, good.reason) == (True, place)
+    refused = rig.stay(170.0, 2)[-1]
+    assert not refused.healthy
+    assert refused.reason.endswith(f" ({place})")
 
 
 def test_a_frame_that_coasts_does_not_begin_the_patience_with_the_next_goal_anew():
