@@ -31,7 +31,7 @@ from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import LEAST_POINTS, GridSamples, points_from_flow, sample_grid
 from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.tracking import filter_model
+from dfvs_core.servo.tracking import scale_spread
 
 _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""
@@ -209,7 +209,7 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
         factor = source.prior / float(np.median(depth.z_m))
         learnt, depth = learnt.scaled(factor), in_metres(depth, factor)
         T_unit, position = scaled(T_unit, factor), factor * position
-    estimate = restructured(estimate, last.position, position, filter_model(task))
+    estimate = restructured(estimate, last.position, position, scale_spread(task))
     return replace(
         state,
         depth=learnt,
