@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
+from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, pose_error, rotation_from_euler, se3_exp
 from dfvs_core.matching.correspondence import FlowField
@@ -145,6 +146,11 @@ def seen_here(flow, task=TASK, state=None, k=0, velocity=(0.0, 0.0, 0.0, 0.0), *
     """Result and state of the k-th frame of a vehicle at the origin."""
     step = inputs(k, flow, np.array(velocity), given_depth=ROOM.depth_map(HERE), **more)
     return servo_step(task, state or ServoState(), step)
+
+
+def test_a_given_depth_that_is_not_there_is_an_error():
+    with pytest.raises(ConfigError, match="got no depth; expected a depth map with every frame"):
+        servo_step(TASK, ServoState(), inputs(0, FLOW, np.zeros(4)))
 
 
 def one_frame(flow, task=TASK, state=None, **more):
