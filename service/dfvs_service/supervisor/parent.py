@@ -80,7 +80,7 @@ def prepare_runtime(
     inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
     outer = (runtime.parent_socket, runtime.zenoh_socket, runtime.black_box_socket)
     logs = (runtime.gate_log, runtime.gate_inputs, runtime.service_log)
-    for path in (*inner, *outer, *logs):
+    for path in (*inner, *outer, *logs, *runtime.stderr_files()):
         path.unlink(missing_ok=True)
 
 

@@ -6,17 +6,22 @@ import os
 import select
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.schema import from_json, to_json
 from dfvs_service.gate import event_queue as inbox_module
 from dfvs_service.gate.event_queue import EventQueue
+from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines, JsonLines, LiveLine, describe
 from dfvs_service.supervisor.heartbeat import Heartbeat
 from dfvs_service.supervisor.journal import MAX_WAITING, Journal
+from dfvs_service.supervisor.parent import prepare_runtime
 
 SERVO = Heartbeat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
 
@@ -45,6 +50,14 @@ def test_a_full_inbox_drops_the_oldest_and_never_blocks():
     taken = inbox.drain()
     assert len(taken) == inbox_module.MAX_WAITING
     assert taken[-1].t_ns == count - 1
+
+
+def test_what_a_child_said_in_an_earlier_run_is_none_of_this_one(tmp_path):
+    runtime = RuntimeFolder(tmp_path)
+    runtime.stderr("recorder").write_text("warning: the disk is full\n")
+    sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2))
+    prepare_runtime(runtime, ServiceConfig(), Goal(np.zeros((48, 64, 3), np.uint8), sidecar))
+    assert runtime.stderr_files() == []
 
 
 def test_the_journal_writes_json_lines(tmp_path):
