@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Protocol
 
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
+from dfvs_common.progress import log
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.config import MS, S
@@ -94,7 +95,7 @@ class GateProcess:
         now_ns = time.monotonic_ns()
         self._config = config
         self._event_queue = EventQueue()
-        self._journal = Journal(runtime.gate_log)
+        self._journal = Journal(runtime.gate_log, log)
         self._machine = GateMachine(config.gate_config(), now_ns)
         self._faults: tuple[str, ...] = ()
         """What failed that the flight can do without, one line each."""

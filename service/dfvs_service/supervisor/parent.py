@@ -94,7 +94,7 @@ class Parent:
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._console = ConsoleWriter(display)
-        self._log = Journal(runtime.service_log)
+        self._log = Journal(runtime.service_log, self._console.log)
         self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))

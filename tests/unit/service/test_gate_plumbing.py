@@ -61,31 +61,35 @@ def test_what_a_child_said_in_an_earlier_run_is_none_of_this_one(tmp_path):
 
 
 def test_the_journal_writes_json_lines(tmp_path):
-    journal = Journal(tmp_path / "log")
+    told = []
+    journal = Journal(tmp_path / "log", told.append)
     journal.add(5, "transition", source="IDLE", target="PREFLIGHT")
     journal.close()
     record = json.loads((tmp_path / "log").read_text())
     assert record == {"t_ns": 5, "kind": "transition", "source": "IDLE", "target": "PREFLIGHT"}
+    assert told == []
 
 
 def test_a_full_disk_drops_records_and_stops_nobody():
-    journal = Journal(Path("/dev/full"))  # accepts no byte
+    told = []
+    journal = Journal(Path("/dev/full"), told.append)  # accepts no byte
     for i in range(10):
         journal.add(i, "note")
     journal.close()
-    assert journal.dropped == 10
+    assert told == ["warning: full lacks 10 lines"]
 
 
 def test_a_slow_disk_drops_records_and_blocks_nobody(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # opened, and never read
-    journal = Journal(pipe)
+    told = []
+    journal = Journal(pipe, told.append)
     for i in range(2 * MAX_WAITING):
         journal.add(i, "note", text="x" * 200)
-    assert journal.dropped > 0
     journal.close(0.05)
     os.close(reader)
+    assert [line for line in told if line.startswith("warning: pipe lacks ")]
 
 
 def test_a_beat_survives_the_wire():
