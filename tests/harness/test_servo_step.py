@@ -44,8 +44,11 @@ def set_to(**changes):
     return replace(TASK, config=replace(EXACT, **changes))
 
 
-def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
-    """A vehicle that follows at once, with motion depth from its own displacement."""
+def fly(task, T_world_body, T_world_goal_camera, seconds=40.0, told=None):
+    """A level vehicle that follows at once, with motion depth from its own displacement.
+
+    ``told`` is the attitude that it believes in.
+    """
     T_body_camera = task.mount.T_body_camera()
     state, velocity, earlier_poses, result = ServoState(), np.zeros(4), [], None
     for k in range(int(seconds * 1e9 / FRAME_NS)):
@@ -65,6 +68,7 @@ def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
             velocity,
             earlier=earlier,
             motion_m=moved,
+            attitude=told or Attitude(),
             given_depth=ROOM.depth_map(T_cam),
         )
         result, state = servo_step(task, state, step)
@@ -125,6 +129,15 @@ def test_the_tilt_of_the_goal_is_taken_out():
     task = replace(TASK, goal=sidecar)
     T_goal = body_pose(0.3, 0.1, 0.0, 5.0, 6.0, -9.0) @ task.mount.T_body_camera()
     result, T_final = fly(task, body_pose(-0.5, -0.3, 0.1, -10.0), T_goal)
+    assert result.reached
+    assert np.linalg.norm(T_final[:3, 3] - T_goal[:3, 3]) < 0.03
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(1.5, -1.0), (-0.5, 2.0)])
+def test_a_level_vehicle_that_believes_to_lean_reaches_the_goal(roll_deg, pitch_deg):
+    T_goal = body_pose(0.3, 0.1, 0.0, 5.0) @ TASK.mount.T_body_camera()
+    told = Attitude(*np.radians([roll_deg, pitch_deg]))
+    result, T_final = fly(TASK, body_pose(-0.5, -0.3, 0.1, -10.0), T_goal, told=told)
     assert result.reached
     assert np.linalg.norm(T_final[:3, 3] - T_goal[:3, 3]) < 0.03
 
@@ -214,6 +227,23 @@ def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
     assert calm < 1.5 < some < much < 3.0
     assert slower == pytest.approx(full * (2.0 - some / 1.5), rel=0.1)
     assert slowest == pytest.approx(full * max(2.0 - much / 1.5, 0.25), rel=0.1)
+
+
+def test_where_little_of_the_goal_is_seen_the_vehicle_flies_slowly():
+    """Full gain from 15 % of the view on, less in proportion below."""
+    task = set_to(stride_px=4, min_overlap=0.02, max_horizontal_m_s=10.0, max_vertical_m_s=10.0)
+    found = []
+    for rows in (48, 24, 20, 12):
+        confidence = FLOW.confidence.copy()
+        confidence[: 60 - rows // 2] = confidence[60 + rows // 2 :] = 0.0
+        result = one_frame(FlowField(FLOW.flow, confidence), task)
+        assert result.status is Status.OK
+        found.append((result.overlap, np.linalg.norm(result.velocity[:3])))
+    (wide, full), *narrow = found
+    assert wide > 0.3
+    for overlap, speed in narrow:
+        assert speed == pytest.approx(full * min(overlap / 0.15, 1.0), rel=0.02)
+    assert narrow[0][0] > 0.15 > narrow[1][0] > narrow[2][0]
 
 
 def test_points_in_one_spot_are_degenerate():
