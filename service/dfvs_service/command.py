@@ -32,9 +32,10 @@ class UnansweredError(CommandError):
     """Command that was sent and not answered: it may be obeyed."""
 
 
-def operators_zenoh(service: ZenohSection) -> ZenohSection:
-    """Settings with which an operator reaches the service: its router, or the service itself."""
-    return dataclasses.replace(service, mode="client", connect=service.reached_at, listen=())
+def operators_zenoh(service: ZenohSection, connect: str | None = None) -> ZenohSection:
+    """Settings of a client of an endpoint; by default the service's router, or the service."""
+    endpoints = service.reached_at if connect is None else (connect,)
+    return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 
 def send_command(

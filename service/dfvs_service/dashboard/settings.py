@@ -1,6 +1,5 @@
 """Settings of the dashboard from its command line; unprotected ones are refused."""
 
-import dataclasses
 import ipaddress
 import socket
 import ssl
@@ -132,7 +131,4 @@ def _links(arguments: Namespace) -> tuple[ZenohSection, ...]:
     require_usable_files(zenoh)
     if not arguments.connect:
         return (operators_zenoh(zenoh),)
-    return tuple(
-        dataclasses.replace(zenoh, mode="client", connect=(endpoint,), listen=())
-        for endpoint in dict.fromkeys(arguments.connect)
-    )
+    return tuple(operators_zenoh(zenoh, endpoint) for endpoint in dict.fromkeys(arguments.connect))
