@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
+from dfvs_core.depth.source import DepthState, EarlierView, constant_depth
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.camera import homogeneous
 
@@ -47,19 +47,19 @@ class FlowDepth:
     noise: float = 0.0
 
     def estimate(
-        self, inputs: DepthInputs, state: DepthState | None
-    ) -> tuple[DepthMap, DepthState | None]:
-        """Inverse flow length as depth, and that as memory."""
-        if inputs.earlier is None:
-            depth, _ = ConstantDepth(self.fallback_m).estimate(inputs, state)
+        self, xy: FloatArray, earlier: EarlierView | None, state: DepthState | None
+    ) -> tuple[DepthMap, DepthState]:
+        """Inverse flow length as depth of the grid ``xy`` (h, w, 2), and that as memory."""
+        if earlier is None:
+            depth = constant_depth(xy.shape[:2], self.fallback_m)
             return depth, state or _remembered(depth.z_m)
-        unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
-        length = np.linalg.norm(inputs.earlier.xy - unmoved, axis=2)
+        unmoved = _turned(xy, earlier.T_earlier_current[:3, :3])
+        length = np.linalg.norm(earlier.xy - unmoved, axis=2)
         z = np.clip(self.alpha / np.maximum(length, 1e-9), self.near_m, self.far_m)
         if state is not None:
             memory = np.where(length > self.noise, _MEMORY, 1.0)
             z = z ** (1.0 - memory) * state.rho**-memory
-        validity = np.where(length > 0, _TRUST * inputs.earlier.confidence, 0.0)
+        validity = np.where(length > 0, _TRUST * earlier.confidence, 0.0)
         return DepthMap(z.astype(np.float32), validity.astype(np.float32)), _remembered(z)
 
 

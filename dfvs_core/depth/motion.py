@@ -12,7 +12,6 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import (
     UNKNOWN_VARIANCE,
-    DepthInputs,
     DepthState,
     EarlierView,
     GoalLink,
@@ -51,14 +50,10 @@ class MotionDepth:
     least_spread: float = 0.02
 
     def estimate(
-        self, inputs: DepthInputs, state: DepthState | None
-    ) -> tuple[DepthMap, DepthState | None]:
-        """Depth on the current grid, from that of the goal view; what is not seen there is filled.
-
-        Without a link to the goal view the last frame's depth stands in, where there is one.
-        """
-        rho, variance = self._in_current_view(inputs, state)
-        return self._fill(rho, variance), state
+        self, shape: tuple[int, ...], link: GoalLink | None, state: DepthState | None
+    ) -> DepthMap:
+        """Depth on the current grid of ``shape`` (h, w), filled where the goal view is not seen."""
+        return self._fill(*self._in_current_view(shape, link, state))
 
     def observe(
         self, xy: FloatArray, earlier: EarlierView, link: GoalLink, state: DepthState | None
@@ -85,11 +80,9 @@ class MotionDepth:
         return DepthState(np.full(shape, 1.0 / self.prior), np.full(shape, UNKNOWN_VARIANCE))
 
     def _in_current_view(
-        self, inputs: DepthInputs, state: DepthState | None
+        self, shape: tuple[int, ...], link: GoalLink | None, state: DepthState | None
     ) -> tuple[FloatArray, FloatArray]:
         """Inverse depth (h, w) of the current grid and its variance."""
-        shape = inputs.xy.shape[:2]
-        link = inputs.link
         if link is None or state is None:
             return np.full(shape, 1.0 / self.prior), np.full(shape, UNKNOWN_VARIANCE)
         seen = link.cell >= 0

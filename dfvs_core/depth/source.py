@@ -1,14 +1,12 @@
-"""Interface of the depth sources; given and constant depth."""
+"""Exchange types of the depth sources, and constant depth."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray, IntArray
 
 UNKNOWN_VARIANCE = 1e6
@@ -60,28 +58,6 @@ class GoalLink:
 
 
 @dataclass(frozen=True, slots=True)
-class DepthInputs:
-    """What a depth source may use for one frame.
-
-    Parameters
-    ----------
-    xy : (h, w, 2) float64
-        Normalised coordinates of the grid in the current frame.
-    earlier : EarlierView or None
-        Correspondences with an earlier frame, where there is one.
-    link : GoalLink or None
-        Where the grid is seen in the goal view, if that is known.
-    given : DepthMap or None
-        Depth on the grid from a sensor, a renderer or a network.
-    """
-
-    xy: FloatArray
-    earlier: EarlierView | None = None
-    link: GoalLink | None = None
-    given: DepthMap | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class DepthState:
     """Memory of a depth source: inverse depth (h, w) and its variance (h, w).
 
@@ -97,50 +73,7 @@ class DepthState:
         return DepthState(self.rho / factor, self.variance / factor**2)
 
 
-class DepthSource(Protocol):
-    """Gives every grid point a depth; pure, its memory goes in and out."""
-
-    def estimate(
-        self, inputs: DepthInputs, state: DepthState | None
-    ) -> tuple[DepthMap, DepthState | None]:
-        """Depth on the grid, and the memory for the next frame."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class GivenDepth:
-    """Depth measured elsewhere: a sensor, the simulator's truth, a depth network."""
-
-    def estimate(
-        self, inputs: DepthInputs, state: DepthState | None
-    ) -> tuple[DepthMap, DepthState | None]:
-        """Pass on what was given.
-
-        Raises
-        ------
-        ConfigError
-            If nothing was given.
-        """
-        if inputs.given is None:
-            raise ConfigError("depth source 'given' got no depth", "a depth map with every frame")
-        return inputs.given, state
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantDepth:
+def constant_depth(shape: tuple[int, ...], z_m: float) -> DepthMap:
     """The same depth everywhere: crude, yet a sound last resort."""
-
-    z_m: float = 3.0
-
-    def __post_init__(self) -> None:
-        """Refuse depths that are none."""
-        if not (np.isfinite(self.z_m) and self.z_m > 0):
-            raise ConfigError(f"constant depth {self.z_m} m", "a positive number")
-
-    def estimate(
-        self, inputs: DepthInputs, state: DepthState | None
-    ) -> tuple[DepthMap, DepthState | None]:
-        """Return the constant."""
-        shape = inputs.xy.shape[:2]
-        z_m = np.full(shape, self.z_m, dtype=np.float32)
-        return DepthMap(z_m, np.zeros_like(z_m)), state
+    depth_m = np.full(shape, z_m, dtype=np.float32)
+    return DepthMap(depth_m, np.zeros_like(depth_m))

@@ -160,7 +160,9 @@ class TransitionState:
         else:
             response = self._engagement.response
             if response is not None:
-                response.integrate(self.stream.last, self.vehicle.vehicle_motion, self._now)
+                velocity_m_s = self.vehicle.position.velocity_m_s
+                yaw_rad = self.vehicle.attitude.yaw_rad
+                response.integrate(self.stream.last, velocity_m_s, yaw_rad, self._now)
             wanted = self.perception.velocity()
             setpoint = self.stream.move(wanted, self._now, is_reduced=response is not None)
         if setpoint is not None:

@@ -29,14 +29,6 @@ NEVER = -(1 << 62)
 _NOT_RECEIVED = "none heard yet"
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleMotion:
-    """How the vehicle moves by its own estimate: velocity NED in m/s and heading in rad."""
-
-    velocity_m_s: tuple[float, float, float]
-    yaw_rad: float
-
-
 @dataclass(slots=True)
 class VehicleMonitor:
     """The newest message of each kind; before the first one, one that is infinitely old.
@@ -137,11 +129,6 @@ class VehicleMonitor:
         is_after_silence = self.mode_ns - self.link_returned_ns > silent_ns
         is_recent = now_ns - self.heartbeat.t_ns <= self.timing.mode_known_ns
         return is_linked and is_after_silence and is_recent
-
-    @property
-    def vehicle_motion(self) -> VehicleMotion:
-        """Velocity and heading by the vehicle's own estimate."""
-        return VehicleMotion(self.position.velocity_m_s, self.attitude.yaw_rad)
 
     @property
     def has_heartbeat(self) -> bool:

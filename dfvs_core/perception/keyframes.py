@@ -6,9 +6,8 @@ A frame becomes one where the view has changed since the last keyframe, and at t
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import pose_error
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 
@@ -42,12 +41,6 @@ class Keyframe:
         """When the frame was taken."""
         return self.inputs.t_capture_ns
 
-    def motion_to(self, T_world_camera: FloatArray) -> tuple[float, float]:
-        """Baseline, m, and rotation, rad, to a camera (4, 4) m."""
-        R = self.T_world_camera[:3, :3].T @ T_world_camera[:3, :3]
-        baseline_m = np.linalg.norm(self.T_world_camera[:3, 3] - T_world_camera[:3, 3])
-        return float(baseline_m), float(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)))
-
 
 class Keyframes:
     """The keyframes of the last ``HORIZON_NS``, at most ``MOST_KEYFRAMES``."""
@@ -71,7 +64,7 @@ class Keyframes:
         since_ns = frame.t_capture_ns - newest.t_capture_ns
         if not LEAST_INTERVAL_NS <= since_ns < LONGEST_INTERVAL_NS:
             return since_ns >= LONGEST_INTERVAL_NS
-        baseline_m, angle_rad = newest.motion_to(frame.T_world_camera)
+        baseline_m, angle_rad = pose_error(newest.T_world_camera, frame.T_world_camera)
         return baseline_m >= _LEAST_PARALLAX * depth_m or angle_rad >= _LEAST_TURN_RAD
 
     def find(self, t_capture_ns: int | None = None) -> Keyframe | None:
@@ -92,7 +85,7 @@ class Keyframes:
         wanted_m = max(_WANTED_PARALLAX * depth_m, least_m)
         best, best_baseline_m = None, _LEAST_PARALLAX * depth_m
         for frame in reversed(self._frames):
-            baseline_m, angle_rad = frame.motion_to(T_world_camera)
+            baseline_m, angle_rad = pose_error(frame.T_world_camera, T_world_camera)
             if angle_rad > _MOST_TURN_RAD:
                 continue
             if baseline_m >= wanted_m:

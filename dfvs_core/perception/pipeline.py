@@ -13,7 +13,7 @@ from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose
+from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
@@ -256,7 +256,7 @@ class Pipeline:
         match = self._compare(last.features, last.T_world_camera, chosen)
         if match is not None:
             before, self._state = self._state, observe_depth(self._task, self._state, match)
-            baseline_m, _ = chosen.motion_to(last.T_world_camera)
+            baseline_m, _ = pose_error(chosen.T_world_camera, last.T_world_camera)
             self._least_baseline_m = 2.0 * baseline_m if self._state is before else 0.0
         return True
 

@@ -28,64 +28,34 @@ _MOST_STRETCH = 2.0
 _P, _E, _S = slice(0, 3), slice(3, 6), 6
 
 
-@dataclass(frozen=True, slots=True)
-class FilterModel:
-    """Noise of the filter.
-
-    Parameters
-    ----------
-    scale_spread : float
-        Standard deviation of ``s`` before anything is known; 0 for a depth that is metric.
-    error_m_s : float
-        Expected ``e``, standard deviation per axis; it is adapted.
-    error_range_m_s : tuple of float
-        Bounds of that adaptation.
-    error_time_s : float
-        Correlation time of ``e``.
-    slip_time_s : float
-        Time constant of the low-pass of the odometry's own contradiction.
-    adaptation_s : float
-        Time constant of the adaptation.
-    slip_share : float
-        Least ``e`` over the odometry's own contradiction: an EKF's position and velocity err
-        together.
-    position_noise : float
-        Standard deviation of a measured position over the depth of the scene.
-    relative_noise : float
-        The same over the distance to the goal, where the structure of the scene is known.
-    structure_noise : float
-        What is added to it for each unit of the depths' relative standard deviation.
-    correlation_s : float
-        Time over which errors of the measurement are alike; frames closer than that count less.
-    drift_per_s : float
-        Slow change of the measured position, over the depth of the scene, 1/sqrt(s).
-    gate : float
-        Normalised innovation squared above which a measurement is an outlier.
-    scale_gate : float
-        The same above which a measurement does not update the scale: one right one in a thousand.
-    guess_spread : float
-        Mean relative standard deviation of the depths from which on they are a guess: a measurement
-        by them does not update the scale either.
-    outliers : int
-        So many outliers in a row are a new position.
-    """
-
-    scale_spread: float = 0.6
-    error_m_s: float = 0.03
-    error_range_m_s: tuple[float, float] = (0.003, 0.3)
-    error_time_s: float = 0.6
-    slip_time_s: float = 0.1
-    adaptation_s: float = 3.0
-    slip_share: float = 0.35
-    position_noise: float = 0.001
-    relative_noise: float = 0.02
-    structure_noise: float = 0.3
-    correlation_s: float = 0.3
-    drift_per_s: float = 0.001
-    gate: float = 30.0
-    scale_gate: float = 16.0
-    guess_spread: float = 0.45
-    outliers: int = 5
+SCALE_SPREAD = 0.6
+"""Standard deviation of ``s`` before anything is known."""
+ERROR_M_S = 0.03
+ERROR_RANGE_M_S = (0.003, 0.3)
+"""Expected ``e``, standard deviation per axis, and bounds of its adaptation."""
+ERROR_TIME_S = 0.6
+"""Correlation time of ``e``."""
+_ADAPTATION_S, _SLIP_TIME_S = 3.0, 0.1
+"""Time constants of that adaptation, and of the low-pass of the odometry's own contradiction."""
+_SLIP_SHARE = 0.35
+"""Least ``e`` over that contradiction: an EKF's position and velocity err together."""
+_POSITION_NOISE, _RELATIVE_NOISE = 0.001, 0.02
+"""Standard deviation of a measured position over the depth of the scene; and over the distance to
+the goal, where the structure of the scene is known."""
+_STRUCTURE_NOISE = 0.3
+"""What is added to the latter for each unit of the depths' relative standard deviation."""
+_CORRELATION_S = 0.3
+"""Time over which errors of the measurement are alike; frames closer than that count less."""
+_DRIFT_PER_S = 0.001
+"""Slow change of the measured position, over the depth of the scene, 1/sqrt(s)."""
+GATE, _SCALE_GATE = 30.0, 16.0
+"""Normalised innovation squared above which a measurement is an outlier; and above which it does
+not update the scale: one right one in a thousand."""
+_GUESS_SPREAD = 0.45
+"""Mean relative standard deviation of the depths from which on they are a guess: a measurement by
+them does not update the scale either."""
+_OUTLIERS = 5
+"""So many outliers in a row are a new position."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,44 +139,43 @@ class PositionMeasurement:
     depth: float
     spread: float
 
-    def noise(self, model: FilterModel) -> float:
+    def noise(self) -> float:
         """Standard deviation of each axis, in units."""
-        share = math.hypot(model.relative_noise, model.structure_noise * self.spread)
+        share = math.hypot(_RELATIVE_NOISE, _STRUCTURE_NOISE * self.spread)
         return math.hypot(
-            model.position_noise * self.depth, share * float(np.linalg.norm(self.position))
+            _POSITION_NOISE * self.depth, share * float(np.linalg.norm(self.position))
         )
 
 
 def begin(
-    seen: PositionMeasurement, model: FilterModel, before: GoalEstimate | None = None
+    seen: PositionMeasurement, scale_spread: float, before: GoalEstimate | None = None
 ) -> GoalEstimate:
     """Estimate at a first measurement.
 
-    Of an estimate ``before``, of another goal, velocity error and scale are kept.
+    ``scale_spread`` is that of a scale of which nothing is known; 0 for a depth that is metric. Of
+    an estimate ``before``, of another goal, velocity error and scale are kept.
     """
     P = np.zeros((7, 7))
     x, slip_m_s = np.zeros(7), np.zeros(3)
-    error_m_s = model.error_m_s
+    error_m_s = ERROR_M_S
     if before is None:
         P[_E, _E] = np.eye(3) * error_m_s**2
-        P[_S, _S] = model.scale_spread**2
+        P[_S, _S] = scale_spread**2
     else:
         x[3:], P[3:, 3:] = before.x[3:], before.P[3:, 3:]
         error_m_s, slip_m_s = before.error_m_s, before.slip_m_s
     x[_P] = seen.position
-    P[_P, _P] = np.eye(3) * seen.noise(model) ** 2
+    P[_P, _P] = np.eye(3) * seen.noise() ** 2
     return GoalEstimate(x, P, error_m_s, slip_m_s)
 
 
-def predict(
-    estimate: GoalEstimate, moved: OdometryDelta, depth: float, model: FilterModel
-) -> GoalEstimate:
+def predict(estimate: GoalEstimate, moved: OdometryDelta, depth: float) -> GoalEstimate:
     """Estimate in the axes of the current frame, after a motion."""
     dt_s = moved.dt_s
     if dt_s <= 0.0:
         return estimate
     x, per_m = estimate.x, math.exp(-float(estimate.x[_S]))
-    kept = math.exp(-dt_s / model.error_time_s)
+    kept = math.exp(-dt_s / ERROR_TIME_S)
     R = moved.R_earlier_current.T
     step = (moved.displacement_m + x[_E] * dt_s) * per_m
     F = np.eye(7)
@@ -214,41 +183,41 @@ def predict(
     F[_P, _S] = R @ _limited(step, per_m * float(np.linalg.norm(moved.displacement_m)))
     F[_E, _E] = kept * R
     Q = np.zeros(7)
-    Q[_P] = dt_s * (model.drift_per_s * depth) ** 2
+    Q[_P] = dt_s * (_DRIFT_PER_S * depth) ** 2
     Q[_E] = (1.0 - kept**2) * estimate.error_m_s**2
     mean = np.concatenate([R @ (x[_P] - step), kept * (R @ x[_E]), x[_S:]])
     slip = moved.displacement_m / dt_s - moved.velocity_m_s
-    share = min(dt_s / model.slip_time_s, 1.0)
+    share = min(dt_s / _SLIP_TIME_S, 1.0)
     slip_m_s = R @ (estimate.slip_m_s + share * (slip - estimate.slip_m_s))
     return replace(estimate, x=mean, P=F @ estimate.P @ F.T + np.diag(Q), slip_m_s=slip_m_s)
 
 
 def update(
-    estimate: GoalEstimate, seen: PositionMeasurement, dt_s: float, model: FilterModel
+    estimate: GoalEstimate, seen: PositionMeasurement, dt_s: float, scale_spread: float
 ) -> GoalEstimate:
     """Estimate after a measurement; an outlier is passed over."""
-    spread = seen.noise(model)
-    weight = max(1.0, model.correlation_s / max(dt_s, 1e-3))
+    spread = seen.noise()
+    weight = max(1.0, _CORRELATION_S / max(dt_s, 1e-3))
     innovation = seen.position - estimate.x[_P]
     S = estimate.P[_P, _P] + np.eye(3) * spread**2
     nis = float(innovation @ np.linalg.solve(S, innovation))
-    if nis > model.gate:
-        if estimate.outliers + 1 >= model.outliers:
-            return replace(begin(seen, model, estimate), restarts=estimate.restarts + 1)
+    if nis > GATE:
+        if estimate.outliers + 1 >= _OUTLIERS:
+            return replace(begin(seen, scale_spread, estimate), restarts=estimate.restarts + 1)
         return replace(estimate, outliers=estimate.outliers + 1)
     S += np.eye(3) * spread**2 * (weight - 1.0)
     K = np.linalg.solve(S, estimate.P[_P, :]).T
     x = estimate.x + K @ innovation
     P = estimate.P - K @ S @ K.T
     P = 0.5 * (P + P.T)
-    if nis > model.scale_gate or seen.spread > model.guess_spread:
+    if nis > _SCALE_GATE or seen.spread > _GUESS_SPREAD:
         x[_S], P[_S, _S] = estimate.x[_S], estimate.P[_S, _S]
     adapted = replace(estimate, x=x, P=P, outliers=0)
-    return replace(adapted, error_m_s=_adapted(adapted, dt_s, model))
+    return replace(adapted, error_m_s=_adapted(adapted, dt_s))
 
 
 def restructured(
-    estimate: GoalEstimate, before: FloatArray, after: FloatArray, model: FilterModel
+    estimate: GoalEstimate, before: FloatArray, after: FloatArray, scale_spread: float
 ) -> GoalEstimate:
     """Estimate after the relative depth has changed, and with it a measured position (3,).
 
@@ -263,7 +232,7 @@ def restructured(
     x, P = estimate.x.copy(), estimate.P.copy()
     x[_P] = after + math.exp(stretch) * (x[_P] - before)
     if P[_S, _S] > 0.0:
-        stretch *= P[_S, _S] / max(P[_S, _S], model.scale_spread**2)
+        stretch *= P[_S, _S] / max(P[_S, _S], scale_spread**2)
         x[_S] -= stretch
         P[_S, _S] += stretch**2
     return replace(estimate, x=x, P=P)
@@ -278,12 +247,12 @@ def _limited(motion: FloatArray, most: float) -> FloatArray:
     return motion * (most / length) if length > most else motion
 
 
-def _adapted(estimate: GoalEstimate, dt_s: float, model: FilterModel) -> float:
+def _adapted(estimate: GoalEstimate, dt_s: float) -> float:
     """Standard deviation of ``e`` after what was estimated of it, and by the odometry's slip."""
     x, slip = estimate.x, estimate.slip_m_s
     estimated = float(x[_E] @ x[_E]) + float(np.trace(estimate.P[_E, _E]))
-    seen = max(estimated, float(slip @ slip) * model.slip_share**2) / 3.0
-    share = min(dt_s / model.adaptation_s, 1.0)
-    low, high = model.error_range_m_s
+    seen = max(estimated, float(slip @ slip) * _SLIP_SHARE**2) / 3.0
+    share = min(dt_s / _ADAPTATION_S, 1.0)
+    low, high = ERROR_RANGE_M_S
     mixed = (1.0 - share) * estimate.error_m_s**2 + share * seen
     return min(max(math.sqrt(mixed), low), high)

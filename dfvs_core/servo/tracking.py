@@ -7,7 +7,7 @@ from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.geometry.robust_weights import weighted_median
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import (
-    FilterModel,
+    SCALE_SPREAD,
     GoalEstimate,
     OdometryDelta,
     PositionMeasurement,
@@ -20,11 +20,11 @@ from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.task import ServoTask
 
 
-def filter_model(task: ServoTask) -> FilterModel:
-    """Noise of the filter; a depth that is metric by its source has a known scale."""
+def scale_spread(task: ServoTask) -> float:
+    """Relative standard deviation of a scale that nothing is known of; 0 for a metric depth."""
     if task.goal_depth is not None:
-        return FilterModel(scale_spread=task.goal_depth.scale_spread)
-    return FilterModel() if task.config.depth == "motion" else FilterModel(scale_spread=0.0)
+        return task.goal_depth.scale_spread
+    return SCALE_SPREAD if task.config.depth == "motion" else 0.0
 
 
 def elapsed_s(inputs: ServoInputs, state: ServoState) -> float:
@@ -42,7 +42,7 @@ def predict_goal(
     if estimate is None or last is None:
         return estimate, None
     moved = _odometry(task, state, inputs)
-    estimate = predict(estimate, moved, task.config.constant_depth_m, filter_model(task))
+    estimate = predict(estimate, moved, task.config.constant_depth_m)
     if state.T_current_goal is None:
         return estimate, None
     R_current_goal = moved.R_earlier_current.T @ state.T_current_goal[:3, :3]
@@ -85,5 +85,5 @@ def correct_goal(
     seen = PositionMeasurement(position, weighted_median(points.z_m, points.weight), spread)
     is_guess = task.config.depth in ("constant", "flow")
     if estimate is None or dt_s is None or is_guess:
-        return begin(seen, filter_model(task), estimate)
-    return update(estimate, seen, dt_s, filter_model(task))
+        return begin(seen, scale_spread(task), estimate)
+    return update(estimate, seen, dt_s, scale_spread(task))

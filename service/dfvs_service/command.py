@@ -1,7 +1,6 @@
 """Signed commands over Zenoh, and their answers."""
 
 import dataclasses
-import json
 import queue
 import secrets
 import time
@@ -17,7 +16,7 @@ from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.sections import ZenohSection
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_session, subscribe_json
 
 _SENDINGS, _GOAL_SENDINGS = 6, 2
 """A busy link drops what it cannot take at once. The same bytes are obeyed once."""
@@ -33,9 +32,10 @@ class UnansweredError(CommandError):
     """Command that was sent and not answered: it may be obeyed."""
 
 
-def operators_zenoh(service: ZenohSection) -> ZenohSection:
-    """Settings with which an operator reaches the service: its router, or the service itself."""
-    return dataclasses.replace(service, mode="client", connect=service.reached_at, listen=())
+def operators_zenoh(service: ZenohSection, connect: str | None = None) -> ZenohSection:
+    """Settings of a client of an endpoint; by default the service's router, or the service."""
+    endpoints = service.reached_at if connect is None else (connect,)
+    return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 
 def send_command(
@@ -115,10 +115,8 @@ def send_command(
 def _subscribe(
     session: zenoh.Session, key_expr: str, documents: queue.Queue[_Document]
 ) -> zenoh.Subscriber[None]:
-    """Put every JSON document of a key into a queue, on Zenoh's thread."""
-    return session.declare_subscriber(
-        key_expr, lambda sample: documents.put(json.loads(sample.payload.to_bytes()))
-    )
+    """Put every JSON object of a key into a queue, on Zenoh's thread."""
+    return subscribe_json(session, key_expr, lambda d: None if d is None else documents.put(d))
 
 
 def _next(documents: queue.Queue[_Document], deadline: float) -> _Document | None:

@@ -2,9 +2,10 @@
 
 import dataclasses
 import datetime
+import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,21 @@ def subscribe_kept(
     """Subscriber of a key that receives a kept value as well."""
     history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
     return zenoh.ext.declare_advanced_subscriber(session, key, on_sample, history=history)
+
+
+def subscribe_json(
+    session: zenoh.Session, key: str, on_document: Callable[[Mapping[str, Any] | None], None]
+) -> zenoh.Subscriber[None]:
+    """Subscriber of JSON objects, on Zenoh's thread; it is given None for what is none."""
+
+    def take(sample: zenoh.Sample) -> None:
+        try:
+            document = json.loads(sample.payload.to_bytes())
+        except (ValueError, RecursionError):
+            document = None
+        on_document(document if isinstance(document, Mapping) else None)
+
+    return session.declare_subscriber(key, take)
 
 
 def attachment_of(sample: zenoh.Sample) -> bytes:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
+from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, pose_error, rotation_from_euler, se3_exp
 from dfvs_core.matching.correspondence import FlowField
@@ -43,8 +44,11 @@ def set_to(**changes):
     return replace(TASK, config=replace(EXACT, **changes))
 
 
-def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
-    """A vehicle that follows at once, with motion depth from its own displacement."""
+def fly(task, T_world_body, T_world_goal_camera, seconds=40.0, told=None):
+    """A level vehicle that follows at once, with motion depth from its own displacement.
+
+    ``told`` is the attitude that it believes in.
+    """
     T_body_camera = task.mount.T_body_camera()
     state, velocity, earlier_poses, result = ServoState(), np.zeros(4), [], None
     for k in range(int(seconds * 1e9 / FRAME_NS)):
@@ -64,6 +68,7 @@ def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
             velocity,
             earlier=earlier,
             motion_m=moved,
+            attitude=told or Attitude(),
             given_depth=ROOM.depth_map(T_cam),
         )
         result, state = servo_step(task, state, step)
@@ -128,6 +133,15 @@ def test_the_tilt_of_the_goal_is_taken_out():
     assert np.linalg.norm(T_final[:3, 3] - T_goal[:3, 3]) < 0.03
 
 
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(1.5, -1.0), (-0.5, 2.0)])
+def test_a_level_vehicle_that_believes_to_lean_reaches_the_goal(roll_deg, pitch_deg):
+    T_goal = body_pose(0.3, 0.1, 0.0, 5.0) @ TASK.mount.T_body_camera()
+    told = Attitude(*np.radians([roll_deg, pitch_deg]))
+    result, T_final = fly(TASK, body_pose(-0.5, -0.3, 0.1, -10.0), T_goal, told=told)
+    assert result.reached
+    assert np.linalg.norm(T_final[:3, 3] - T_goal[:3, 3]) < 0.03
+
+
 def test_a_free_camera_uses_all_six_degrees():
     task = ServoTask(replace(EXACT, max_turn_rad_s=2.0), CAMERA, GoalSidecar(CAMERA))
     T_goal = body_pose(0.4, -0.2, 0.1, 8.0, 10.0, -7.0) @ Mount().T_body_camera()
@@ -145,6 +159,11 @@ def seen_here(flow, task=TASK, state=None, k=0, velocity=(0.0, 0.0, 0.0, 0.0), *
     """Result and state of the k-th frame of a vehicle at the origin."""
     step = inputs(k, flow, np.array(velocity), given_depth=ROOM.depth_map(HERE), **more)
     return servo_step(task, state or ServoState(), step)
+
+
+def test_a_given_depth_that_is_not_there_is_an_error():
+    with pytest.raises(ConfigError, match="got no depth; expected a depth map with every frame"):
+        servo_step(TASK, ServoState(), inputs(0, FLOW, np.zeros(4)))
 
 
 def one_frame(flow, task=TASK, state=None, **more):
@@ -208,6 +227,23 @@ def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
     assert calm < 1.5 < some < much < 3.0
     assert slower == pytest.approx(full * (2.0 - some / 1.5), rel=0.1)
     assert slowest == pytest.approx(full * max(2.0 - much / 1.5, 0.25), rel=0.1)
+
+
+def test_where_little_of_the_goal_is_seen_the_vehicle_flies_slowly():
+    """Full gain from 15 % of the view on, less in proportion below."""
+    task = set_to(stride_px=4, min_overlap=0.02, max_horizontal_m_s=10.0, max_vertical_m_s=10.0)
+    found = []
+    for rows in (48, 24, 20, 12):
+        confidence = FLOW.confidence.copy()
+        confidence[: 60 - rows // 2] = confidence[60 + rows // 2 :] = 0.0
+        result = one_frame(FlowField(FLOW.flow, confidence), task)
+        assert result.status is Status.OK
+        found.append((result.overlap, np.linalg.norm(result.velocity[:3])))
+    (wide, full), *narrow = found
+    assert wide > 0.3
+    for overlap, speed in narrow:
+        assert speed == pytest.approx(full * min(overlap / 0.15, 1.0), rel=0.02)
+    assert narrow[0][0] > 0.15 > narrow[1][0] > narrow[2][0]
 
 
 def test_points_in_one_spot_are_degenerate():

@@ -14,7 +14,7 @@ from dfvs_bench.report.page import small
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.network import DepthEstimator, goal_depth
-from dfvs_core.depth.source import DepthInputs, EarlierView
+from dfvs_core.depth.source import EarlierView
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.poses import invert_pose, se3_exp, se3_log
 from dfvs_core.matching.matcher import Matcher
@@ -77,7 +77,7 @@ def _flow_depth(
         camera.normalise(pixels + flow.flow), flow.confidence.astype(np.float64), T_earlier_current
     )
     source = FlowDepth(near_m=0.0, far_m=np.inf)
-    depth, _ = source.estimate(DepthInputs(camera.normalise(pixels), seen), None)
+    depth, _ = source.estimate(camera.normalise(pixels), seen, None)
     return np.asarray(depth.z_m, np.float64)
 
 

@@ -29,7 +29,6 @@ from typing import NamedTuple
 
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.vehicle import VehicleMotion
 from dfvs_core.messages.link import MOUNTING_SCORE, PerceptionReport
 
 MIN_PATH_M = 0.03
@@ -51,6 +50,9 @@ _MEDIAN_OF = 5
 _MIN_REPORTS = 4
 _MOST_REPORTS = 300
 """Errors that are kept: the first ones, and the last."""
+
+
+Vector = tuple[float, float, float]
 
 
 class Response(enum.Enum):
@@ -99,9 +101,9 @@ class InitialResponse:
     """The last one that was reported."""
     is_mounted_right: bool = False
     """Whether one was high enough; perception asks for no more tilt then, and forgets."""
-    asked_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    asked_m: Vector = (0.0, 0.0, 0.0)
     asked_rad: float = 0.0
-    moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    moved_m: Vector = (0.0, 0.0, 0.0)
     turned_rad: float = 0.0
     _last_ns: int | None = None
     _last_yaw_rad: float = 0.0
@@ -123,16 +125,21 @@ class InitialResponse:
             self.mounting_score = report.mounting_score
             self.is_mounted_right |= report.mounting_score >= MOUNTING_SCORE
 
-    def integrate(self, setpoint: BodyVelocity, own: VehicleMotion, now_ns: int) -> None:
-        """Count what was asked for and what was done since the last call."""
+    def integrate(
+        self, setpoint: BodyVelocity, velocity_m_s: Vector, yaw_rad: float, now_ns: int
+    ) -> None:
+        """Count what was asked for and what was done since the last call.
+
+        ``velocity_m_s`` (NED) and ``yaw_rad`` are the vehicle's by its own estimate.
+        """
         if self._last_ns is not None:
             dt_s = min((now_ns - self._last_ns) / S, _LONGEST_STEP_S)
             asked = (setpoint.forward_m_s, setpoint.right_m_s, setpoint.down_m_s)
             self.asked_m = _advance(self.asked_m, asked, dt_s)
             self.asked_rad += setpoint.yaw_rad_s * dt_s
-            self.moved_m = _advance(self.moved_m, _in_body(own), dt_s)
-            self.turned_rad += math.remainder(own.yaw_rad - self._last_yaw_rad, math.tau)
-        self._last_ns, self._last_yaw_rad = now_ns, own.yaw_rad
+            self.moved_m = _advance(self.moved_m, _in_body(velocity_m_s, yaw_rad), dt_s)
+            self.turned_rad += math.remainder(yaw_rad - self._last_yaw_rad, math.tau)
+        self._last_ns, self._last_yaw_rad = now_ns, yaw_rad
 
     @property
     def followed_m(self) -> float:
@@ -187,17 +194,15 @@ class InitialResponse:
         )
 
 
-def _advance(
-    vector: tuple[float, float, float], velocity: tuple[float, float, float], dt_s: float
-) -> tuple[float, float, float]:
+def _advance(vector: Vector, velocity: Vector, dt_s: float) -> Vector:
     x, y, z = (a + v * dt_s for a, v in zip(vector, velocity, strict=True))
     return x, y, z
 
 
-def _in_body(own: VehicleMotion) -> tuple[float, float, float]:
+def _in_body(velocity_m_s: Vector, yaw_rad: float) -> Vector:
     """Velocity forward, right and down in the level body frame."""
-    north, east, down = own.velocity_m_s
-    c, s = math.cos(own.yaw_rad), math.sin(own.yaw_rad)
+    north, east, down = velocity_m_s
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return c * north + s * east, c * east - s * north, down
 
 

@@ -8,14 +8,12 @@ from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import (
-    ConstantDepth,
-    DepthInputs,
-    DepthSource,
     DepthState,
     EarlierView,
-    GivenDepth,
     GoalLink,
+    constant_depth,
 )
+from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import (
@@ -31,25 +29,24 @@ from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import LEAST_POINTS, GridSamples, points_from_flow, sample_grid
 from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.tracking import filter_model
+from dfvs_core.servo.tracking import scale_spread
 
+_NOT_LEARNT = ("given", "constant", "flow")
+"""Depths that are no structure of the goal view."""
 _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""
 _FIRST_PASSES = 5
 """The same for a first frame, whose pose is not predicted."""
 
 
-def depth_source(task: ServoTask) -> DepthSource:
-    """Depth source of a task; the camera sets the noise of a correspondence."""
-    config = task.config
-    if config.depth == "given":
-        return GivenDepth()
-    if config.depth == "constant":
-        return ConstantDepth(config.constant_depth_m)
-    noise = 1.5 * config.flow_noise_px / task.camera.fx
-    if config.depth == "flow":
-        return FlowDepth(config.flow_depth_alpha, fallback_m=config.constant_depth_m, noise=noise)
-    return MotionDepth(prior=config.constant_depth_m, pixel_noise=noise)
+def _noise(task: ServoTask) -> float:
+    """Noise of a correspondence, normalised units."""
+    return 1.5 * task.config.flow_noise_px / task.camera.fx
+
+
+def motion_depth(task: ServoTask) -> MotionDepth:
+    """Depth from motion; the camera sets the noise of a correspondence."""
+    return MotionDepth(prior=task.config.constant_depth_m, pixel_noise=_noise(task))
 
 
 def scaled(T: FloatArray, factor: float) -> FloatArray:
@@ -104,20 +101,19 @@ def _first_link(
     None where hardly any of the goal is seen. Where the frame's depth is known from the flight to
     another goal, the structure takes its unit, so that the metric scale stays what it is.
     """
-    source = depth_source(task)
-    xy = task.camera.normalise(samples.pixels)
+    source, shape = motion_depth(task), samples.confidence.shape
     last = LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples)
     T = np.eye(4)
     link = goal_link(task, inputs.attitude, samples, T)
     if np.count_nonzero(link.cell >= 0) < LEAST_POINTS:
         return None, None
     for _ in range(_FIRST_PASSES):
-        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        depth = source.estimate(shape, link, structure)
         T, _ = _goal_pose(task, last, depth, T)
         link = goal_link(task, inputs.attitude, samples, T)
     if state.depth is None and state.depth_map is not None:
         before = in_metres(state.depth_map, 1.0 / task.unit_m)
-        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        depth = source.estimate(shape, link, structure)
         factor = _ratio(depth, before, link)
         structure = structure.scaled(1.0 / factor)
         link = replace(link, T_current_goal=scaled(link.T_current_goal, 1.0 / factor))
@@ -143,23 +139,25 @@ def estimate_depth(
 
     ``T_guess`` (4, 4) is the predicted pose of the goal in the virtual camera, in units.
     """
-    source = depth_source(task)
+    config, xy = task.config, task.camera.normalise(samples.pixels)
+    if config.depth == "given":
+        return _on_grid(inputs.given_depth, config.stride_px), state.depth
+    if config.depth == "constant":
+        return constant_depth(xy.shape[:2], config.constant_depth_m), state.depth
+    if config.depth == "flow":
+        earlier = None if inputs.earlier is None else _by_odometry(task, inputs.earlier)
+        alpha, fallback_m = config.flow_depth_alpha, config.constant_depth_m
+        source = FlowDepth(alpha, fallback_m=fallback_m, noise=_noise(task))
+        return source.estimate(xy, earlier, state.depth)
     link, structure = None, state.depth
     if T_guess is not None:
         link = goal_link(task, inputs.attitude, samples, T_guess)
     elif task.goal_depth is not None:
         structure = structure or task.goal_depth.structure
         link, structure = _first_link(task, state, inputs, samples, structure)
-    is_linked = link is not None and structure is not None
-    if isinstance(source, MotionDepth) and not is_linked and state.depth_map is not None:
+    if (link is None or structure is None) and state.depth_map is not None:
         return in_metres(state.depth_map, 1.0 / task.unit_m), structure
-    depth_inputs = DepthInputs(
-        xy=task.camera.normalise(samples.pixels),
-        earlier=None if inputs.earlier is None else _by_odometry(task, inputs.earlier),
-        link=link,
-        given=_on_grid(inputs.given_depth, task.config.stride_px),
-    )
-    return source.estimate(depth_inputs, structure)
+    return motion_depth(task).estimate(xy.shape[:2], link, structure), structure
 
 
 def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
@@ -168,9 +166,9 @@ def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
     return EarlierView(xy, samples.confidence, match.T_earlier_current)
 
 
-def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
+def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap:
     if depth is None:
-        return None
+        raise ConfigError("depth source 'given' got no depth", "a depth map with every frame")
     grid = (slice(stride // 2, None, stride),) * 2
     return DepthMap(depth.z_m[grid], depth.validity[grid])
 
@@ -181,11 +179,11 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
     A comparison costs as much as the match with the goal; done after the velocity was sent, it
     serves the frames to come and delays none.
     """
-    source = depth_source(task)
+    source = motion_depth(task)
     last, T_current_goal, estimate = state.last, state.T_current_goal, state.estimate
     if state.depth_map is None or last is None or T_current_goal is None or estimate is None:
         return state
-    if not isinstance(source, MotionDepth) or last.position is None:
+    if task.config.depth in _NOT_LEARNT or last.position is None:
         return state
     unit_task = replace(task, unit_m=estimate.metres_per_unit)
     per_m = 1.0 / estimate.metres_per_unit
@@ -201,7 +199,7 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
         link = goal_link(unit_task, last.attitude, last.samples, T_unit)
         memory = state.depth if state.depth is not None else source.adopt(xy, relative, link)
         learnt = source.observe(xy, view, link, memory)
-        depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
+        depth = source.estimate(xy.shape[:2], link, learnt)
         T_unit, position = _goal_pose(unit_task, last, depth, T_unit)
     assert learnt is not None
     if state.depth is None and np.count_nonzero(relative.measured) < LEAST_POINTS:
@@ -209,7 +207,7 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
         factor = source.prior / float(np.median(depth.z_m))
         learnt, depth = learnt.scaled(factor), in_metres(depth, factor)
         T_unit, position = scaled(T_unit, factor), factor * position
-    estimate = restructured(estimate, last.position, position, filter_model(task))
+    estimate = restructured(estimate, last.position, position, scale_spread(task))
     return replace(
         state,
         depth=learnt,

@@ -1,6 +1,5 @@
 """Settings of the dashboard from its command line; unprotected ones are refused."""
 
-import dataclasses
 import ipaddress
 import socket
 import ssl
@@ -13,6 +12,7 @@ from dfvs_service.command import operators_zenoh
 from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.tokens import Tokens
 from dfvs_service.settings.config import load_config
+from dfvs_service.settings.endpoints import is_loopback_host
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import require_usable_files
@@ -49,7 +49,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
             "make one with: dfvs-dashboard new-token --token-file operator.token",
         )
     is_secure = _check_certificate(arguments.cert, arguments.key)
-    if not is_loopback(arguments.host):
+    if not is_loopback_host(arguments.host):
         _check_exposure(arguments, tokens, is_secure=is_secure)
     _check_port(arguments.host, arguments.port)
     names = map(_url_name, (arguments.host, *arguments.name))
@@ -61,20 +61,12 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
     )
 
 
-def is_loopback(host: str) -> bool:
-    """Whether a listening address means this machine alone."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def _tokens(arguments: Namespace) -> Tokens:
     viewer, operator = (
         None if path is None else load_key(path)
         for path in (arguments.viewer_token, arguments.operator_token)
     )
-    return Tokens(viewer, operator, is_open=viewer is None and is_loopback(arguments.host))
+    return Tokens(viewer, operator, is_open=viewer is None and is_loopback_host(arguments.host))
 
 
 def _check_certificate(cert: Path | None, key: Path | None) -> bool:
@@ -139,7 +131,4 @@ def _links(arguments: Namespace) -> tuple[ZenohSection, ...]:
     require_usable_files(zenoh)
     if not arguments.connect:
         return (operators_zenoh(zenoh),)
-    return tuple(
-        dataclasses.replace(zenoh, mode="client", connect=(endpoint,), listen=())
-        for endpoint in dict.fromkeys(arguments.connect)
-    )
+    return tuple(operators_zenoh(zenoh, endpoint) for endpoint in dict.fromkeys(arguments.connect))

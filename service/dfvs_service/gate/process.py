@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Protocol
 
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
+from dfvs_common.progress import log
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.config import MS, S
@@ -34,7 +35,7 @@ from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.gate.input_journal import InputJournal
 from dfvs_service.gate.ipc_server import IpcServer
 from dfvs_service.gate.parent_watchdog import ParentWatchdog
-from dfvs_service.gate.startup import StartupWatch
+from dfvs_service.gate.startup import startup_problem
 from dfvs_service.gate.status import gate_status
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -95,7 +96,7 @@ class GateProcess:
         now_ns = time.monotonic_ns()
         self._config = config
         self._event_queue = EventQueue()
-        self._journal = Journal(runtime.gate_log)
+        self._journal = Journal(runtime.gate_log, log)
         self._machine = GateMachine(config.gate_config(), now_ns)
         self._faults: tuple[str, ...] = ()
         """What failed that the flight can do without, one line each."""
@@ -108,7 +109,6 @@ class GateProcess:
         self._fatal: DfvsError | None = None
         self._device_loss: DfvsError | None = None
         self._stopping = False
-        self._startup = StartupWatch(config.camera.timeout_s)
         self._selector = selectors.DefaultSelector()
         for source in (self._event_queue, self._ipc, self._parent_watchdog):
             self._selector.register(source, selectors.EVENT_READ)
@@ -263,7 +263,10 @@ class GateProcess:
         machine, ipc = self._machine, self._ipc
         if ipc.has_seen_frame or machine.state is not GateState.PREFLIGHT:
             return None
-        return self._startup.evaluate(now_ns, ipc.first_report_ns, machine.perception.reason)
+        first_ns, timeout_s = ipc.first_report_ns, self._config.camera.timeout_s
+        reported_ns = None if first_ns is None else now_ns - first_ns
+        waited_ns = now_ns - machine.since_ns
+        return startup_problem(waited_ns, reported_ns, timeout_s, machine.perception.reason)
 
 
 def start_autopilot(

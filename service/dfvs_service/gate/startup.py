@@ -7,43 +7,32 @@ PERCEPTION_START_S = 900
 """Longest time from PREFLIGHT to perception's first report: TensorRT may build engines first."""
 
 
-class StartupWatch:
-    """Says that perception never reported, or that no frame ever came.
+def startup_problem(
+    waited_ns: int, reported_ns: int | None, timeout_s: float, reason: str
+) -> DfvsError | None:
+    """Error once the time is up, in PREFLIGHT and while no frame has come.
 
     Parameters
     ----------
-    frame_timeout_s : float
-        Longest time from perception's first report to the first frame.
+    waited_ns, reported_ns : int
+        Times since PREFLIGHT was entered and since perception's first report; None without one.
+    timeout_s : float
+        Longest time from the later of the two to the first frame.
+    reason : str
+        Why perception has no frames.
     """
-
-    def __init__(self, frame_timeout_s: float) -> None:
-        self._frame_timeout_s = frame_timeout_s
-        self._since_ns: int | None = None
-
-    def evaluate(self, now_ns: int, first_report_ns: int | None, reason: str) -> DfvsError | None:
-        """Error once the time is up, in PREFLIGHT and while no frame has come.
-
-        Parameters
-        ----------
-        now_ns, first_report_ns : int
-            Monotonic times; None as long as perception has not reported.
-        reason : str
-            Why perception has no frames.
-        """
-        if self._since_ns is None:
-            self._since_ns = now_ns
-        if first_report_ns is None:
-            if now_ns - self._since_ns < PERCEPTION_START_S * S:
-                return None
-            return DfvsError(
-                f"perception reported nothing within {PERCEPTION_START_S} s",
-                "a model that is loaded by then",
-                "does TensorRT build its engines anew at every start?",
-            )
-        if now_ns - max(self._since_ns, first_report_ns) < self._frame_timeout_s * S:
+    if reported_ns is None:
+        if waited_ns < PERCEPTION_START_S * S:
             return None
         return DfvsError(
-            f"no camera frame within {self._frame_timeout_s:g} s ({reason})",
-            "frames on the camera's Zenoh key",
-            "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
+            f"perception reported nothing within {PERCEPTION_START_S} s",
+            "a model that is loaded by then",
+            "does TensorRT build its engines anew at every start?",
         )
+    if min(waited_ns, reported_ns) < timeout_s * S:
+        return None
+    return DfvsError(
+        f"no camera frame within {timeout_s:g} s ({reason})",
+        "frames on the camera's Zenoh key",
+        "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
+    )

@@ -1,5 +1,6 @@
 """Gate status for perception and telemetry."""
 
+import json
 import math
 
 from dfvs_core.gate.config import S
@@ -7,7 +8,8 @@ from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
 from dfvs_core.messages.link import GateStatus, VehicleState
 
-_MAX_CAUSE = 300
+_MOST_TEXT_BYTES = 300
+"""Of a text in JSON, which takes six bytes for a character outside of ASCII."""
 _MAX_WARNINGS = 4
 _MOST_CARRIED_S = 0.1
 """Positions come less often than attitudes; an older one is not extrapolated further."""
@@ -43,7 +45,7 @@ def gate_status(
     heartbeat = vehicle.heartbeat
     return GateStatus(
         state=str(machine.state),
-        cause=machine.reason[:_MAX_CAUSE],
+        cause=_cut(machine.reason),
         vehicle=vehicle_state(vehicle),
         t_ns=now_ns,
         reached=machine.has_reached,
@@ -60,13 +62,21 @@ def gate_status(
         ),
         distance_m=machine.distance_m if math.isfinite(machine.distance_m) else None,
         challenge=challenge,
-        command_result=command[0],
+        command_result=_cut(command[0]),
         command_count=command[1],
-        warnings=tuple(line[:200] for line in warnings[:_MAX_WARNINGS]),
+        warnings=tuple(map(_cut, warnings[:_MAX_WARNINGS])),
         goal=machine.perception.goal,
         since_ns=machine.since_ns,
         battery_age_s=_age_s(vehicle.battery.t_ns, now_ns),
     )
+
+
+def _cut(text: str) -> str:
+    """Beginning of a text that takes no more than its share of a datagram."""
+    text = text[:_MOST_TEXT_BYTES]
+    while len(json.dumps(text)) - 2 > _MOST_TEXT_BYTES:
+        text = text[:-1]
+    return text
 
 
 def _age_s(t_ns: int, now_ns: int) -> float | None:

@@ -1,10 +1,9 @@
 """HTTP server of metrics from Zenoh telemetry."""
 
-import json
 import os
 import time
+from functools import partial
 
-import zenoh
 from prometheus_client import CollectorRegistry, start_http_server
 
 from dfvs_common.lifecycle import stop_event
@@ -14,7 +13,11 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.live.metrics import FlightMetrics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_persistently, require_usable_files
+from dfvs_service.zenoh_session import (
+    open_persistently,
+    require_usable_files,
+    subscribe_json,
+)
 
 _STREAMS = ("state", "servo", "timing")
 _CONNECT_PAUSE_S = 0.5
@@ -41,28 +44,16 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
             f"cannot serve on {address}:{port} ({error})", "a free port", "try --port"
         ) from error
     log(f"serving http://{address}:{server.server_port}/metrics")
-    section = operators_zenoh(config.zenoh)
+    section, topics = operators_zenoh(config.zenoh), Topics(config.vehicle.name)
     session = open_persistently(section, stopped.is_set, log, _CONNECT_PAUSE_S)
     if session is not None:
         with session:
-            _kept = _subscribe(session, Topics(config.vehicle.name), metrics)
+            # Subscriptions last as long as they are kept.
+            _kept = [
+                subscribe_json(session, topics.telemetry(name), partial(metrics.on_document, name))
+                for name in _STREAMS
+            ]
             stopped.wait()
     server.shutdown()
     server.server_close()
     thread.join(1.0)
-
-
-def _subscribe(session: zenoh.Session, topics: Topics, metrics: FlightMetrics) -> list[object]:
-    """Subscriptions, which last as long as they are kept."""
-
-    def subscribe(stream: str) -> object:
-        def take(sample: zenoh.Sample) -> None:
-            try:
-                document = json.loads(sample.payload.to_bytes())
-            except (ValueError, RecursionError):
-                document = None
-            metrics.on_document(stream, document)
-
-        return session.declare_subscriber(topics.telemetry(stream), take)
-
-    return [subscribe(stream) for stream in _STREAMS]

@@ -1,30 +1,13 @@
 """Log lines about state changes of the gate."""
 
-import enum
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import Literal
 
 from dfvs_core.gate.states import GateState
 from dfvs_core.messages.link import GateStatus
 
-
-class Severity(enum.Enum):
-    """How much a line matters."""
-
-    INFO = enum.auto()
-    WARNING = enum.auto()
-    ERROR = enum.auto()
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One line."""
-
-    severity: Severity
-    text: str
-
-
-_SEVERITY: dict[str, Severity] = {GateState.HOLD: Severity.WARNING, GateState.ABORT: Severity.ERROR}
+Entry = tuple[Literal["INFO", "WARNING", "ERROR"], str]
+"""Severity, as Foxglove names its levels, and one line."""
 
 
 class FlightLog:
@@ -38,13 +21,14 @@ class FlightLog:
         """Lines about what changed with this status."""
         last, self._last = self._last, status
         if last is None or (status.state, status.since_ns) != (last.state, last.since_ns):
-            severity = _SEVERITY.get(status.state, Severity.INFO)
-            yield Entry(
-                severity, f"{status.state}: {status.cause}" if status.cause else status.state
-            )
+            text = f"{status.state}: {status.cause}" if status.cause else status.state
+            if status.state == GateState.ABORT:
+                yield "ERROR", text
+            else:
+                yield "WARNING" if status.state == GateState.HOLD else "INFO", text
         if last is not None and status.command_count > last.command_count:
-            yield Entry(Severity.INFO, f"command {status.command_result}")
+            yield "INFO", f"command {status.command_result}"
         for text in status.warnings:
             if text not in self._warned:
                 self._warned.add(text)
-                yield Entry(Severity.WARNING, text)
+                yield "WARNING", text

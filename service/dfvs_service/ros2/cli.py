@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import dataclasses
 import logging
 import sys
 from collections.abc import Sequence
@@ -70,9 +69,7 @@ def _relay(arguments: argparse.Namespace) -> int:
             return EXIT_OK
         ros = stack.enter_context(service)
         if arguments.ros is not None:
-            section = dataclasses.replace(
-                config.zenoh, mode="client", connect=(arguments.ros,), listen=()
-            )
+            section = operators_zenoh(config.zenoh, arguments.ros)
             other = open_persistently(section, stop.is_set, _log)
             if other is None:
                 return EXIT_OK

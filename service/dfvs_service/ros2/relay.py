@@ -1,6 +1,5 @@
 """Relay of the service's telemetry from Zenoh to ROS 2 messages."""
 
-import json
 import logging
 import threading
 import time
@@ -23,7 +22,7 @@ from dfvs_service.ros2.telemetry import (
     preview_message,
     setpoint_message,
 )
-from dfvs_service.zenoh_session import attachment_of
+from dfvs_service.zenoh_session import attachment_of, subscribe_json
 
 _SERVO_AGE_NS = 1_000_000_000
 """Figures of a frame are left out once they are older."""
@@ -76,25 +75,22 @@ class Relay:
         self._setpoints, self._diagnostics, self._previews = self.publishers
         self._node_token = ros.liveliness().declare_token(node.token()) if link == "rmw" else None
         topics = Topics(vehicle)
-        callbacks = {
-            "state": self._on_state,
-            "servo": self._on_servo,
-            "preview": self._on_preview,
-        }
         self._subscribers = [
-            service.declare_subscriber(topics.telemetry(name), callback)
-            for name, callback in callbacks.items()
+            subscribe_json(service, topics.telemetry("state"), self._on_state),
+            subscribe_json(service, topics.telemetry("servo"), self._on_servo),
+            service.declare_subscriber(topics.telemetry("preview"), self._on_preview),
         ]
 
-    def _on_servo(self, sample: zenoh.Sample) -> None:
-        document = _document(sample)
-        if document is not None:
-            with self._lock:
-                self._servo, self._servo_ns = document, self._tick()
-
-    def _on_state(self, sample: zenoh.Sample) -> None:
-        document = _document(sample)
+    def _on_servo(self, document: Mapping[str, Any] | None) -> None:
         if document is None:
+            log.warning("servo left out: no JSON object")
+            return
+        with self._lock:
+            self._servo, self._servo_ns = document, self._tick()
+
+    def _on_state(self, document: Mapping[str, Any] | None) -> None:
+        if document is None:
+            log.warning("state left out: no JSON object")
             return
         stamp_ns = time.time_ns()
         with self._lock:
@@ -125,13 +121,3 @@ def _stamp_ns(header: FrameHeader) -> int:
     if header.clock != local_clock():
         return now_ns
     return header.t_capture_ns + now_ns - time.monotonic_ns()
-
-
-def _document(sample: zenoh.Sample) -> Mapping[str, Any] | None:
-    """JSON mapping of a sample, None where it is none."""
-    try:
-        document = json.loads(sample.payload.to_bytes())
-    except (ValueError, RecursionError) as error:
-        log.warning("telemetry left out: %s", error)
-        return None
-    return document if isinstance(document, dict) else None

@@ -1,5 +1,7 @@
 """Encryption and reach of Zenoh endpoints and MAVLink connections."""
 
+import ipaddress
+
 _ENCRYPTED = ("tls", "quic")
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "localhost"}
 """Wildcard addresses, and a name of this machine in each service's certificate."""
@@ -27,10 +29,15 @@ def is_private_mavlink(url: str) -> bool:
 
 def is_loopback(address: str) -> bool:
     """Whether the host of ``HOST:PORT`` is this machine by a loopback address."""
-    host = address.rsplit(":", 1)[0].strip("[]")
-    parts = host.split(".")
-    v4 = len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
-    return v4 or host in ("localhost", "::1")
+    return is_loopback_host(address.rsplit(":", 1)[0].strip("[]"))
+
+
+def is_loopback_host(host: str) -> bool:
+    """Whether a host is this machine by a loopback address."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def here(endpoint: str) -> str:

@@ -80,7 +80,7 @@ def prepare_runtime(
     inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
     outer = (runtime.parent_socket, runtime.zenoh_socket, runtime.black_box_socket)
     logs = (runtime.gate_log, runtime.gate_inputs, runtime.service_log)
-    for path in (*inner, *outer, *logs):
+    for path in (*inner, *outer, *logs, *runtime.stderr_files()):
         path.unlink(missing_ok=True)
 
 
@@ -94,7 +94,7 @@ class Parent:
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._console = ConsoleWriter(display)
-        self._log = Journal(runtime.service_log)
+        self._log = Journal(runtime.service_log, self._console.log)
         self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera import cli
 from dfvs_service.camera.sources import capture
@@ -150,7 +151,7 @@ def test_an_empty_folder_and_a_damaged_picture_are_named(tmp_path):
     with pytest.raises(CameraError, match="no images in"):
         ImageSource(str(tmp_path))
     (tmp_path / "x.jpg").write_bytes(b"\xff\xd8\xff nothing")
-    with pytest.raises(CameraError, match=r"x\.jpg cannot be used"):
+    with pytest.raises(ImageError, match=r"x\.jpg cannot be used"):
         ImageSource(str(tmp_path)).read()
 
 

@@ -3,11 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth, GoalLink
-from dfvs_core.errors import ConfigError
+from dfvs_core.depth.source import EarlierView, GoalLink
 from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import make_pose, so3_exp
 
@@ -37,7 +35,7 @@ def link(z, T_current_goal=None):
 def learnt(source, view, linked, state=None):
     """Depth of the current grid after a comparison, and the memory."""
     state = source.observe(GRID, view, linked, state)
-    return source.estimate(DepthInputs(GRID, link=linked), state)[0], state
+    return source.estimate(GRID.shape[:2], linked, state), state
 
 
 @pytest.fixture
@@ -64,7 +62,7 @@ def test_where_the_goal_view_shows_nothing_the_median_stands_in(scene):
     hidden = np.zeros(scene.shape, np.bool_)
     hidden[:, :4] = True
     seen = replace(linked, cell=np.where(hidden, -1, linked.cell))
-    depth, _ = source.estimate(DepthInputs(GRID, link=seen), state)
+    depth = source.estimate(GRID.shape[:2], seen, state)
     median = 1.0 / np.median(1.0 / scene[~hidden])
     # The sure ones count more: those that are near.
     np.testing.assert_allclose(depth.z_m[hidden], median, rtol=0.2)
@@ -100,14 +98,14 @@ def test_another_goal_takes_the_depth_of_the_current_view_over(scene):
     depth, _ = learnt(source, earlier_view(scene, (0.2, 0, 0)), link(scene))
     aside = make_pose(np.eye(3), np.array([0.3, 0.0, 0.2]))
     linked = link(depth.z_m.astype(np.float64), aside)
-    again, _ = source.estimate(DepthInputs(GRID, link=linked), source.adopt(GRID, depth, linked))
+    again = source.estimate(GRID.shape[:2], linked, source.adopt(GRID, depth, linked))
     sure = depth.validity > 0.99
     np.testing.assert_allclose(again.z_m[sure], depth.z_m[sure], rtol=0.01)
 
 
 @pytest.mark.parametrize("prior", [0.2, 2.5, 60.0])
 def test_without_any_measurement_the_prior_holds(prior):
-    depth, _ = MotionDepth(prior=prior).estimate(DepthInputs(GRID), None)
+    depth = MotionDepth(prior=prior).estimate(GRID.shape[:2], None, None)
     np.testing.assert_allclose(depth.z_m, prior, rtol=1e-5)
     assert depth.validity.max() < 0.01
 
@@ -130,7 +128,7 @@ def test_a_depth_beyond_the_bounds_is_not_told_as_measured(scene):
 
 def test_flow_depth_is_the_paper_s(scene):
     view = earlier_view(scene, (0.03, 0.0, 0.0))
-    depth, _ = FlowDepth(alpha=0.03).estimate(DepthInputs(GRID, view), None)
+    depth, _ = FlowDepth(alpha=0.03).estimate(GRID, view, None)
     # With a pure sideways step of alpha the paper's formula happens to be exact.
     np.testing.assert_allclose(depth.z_m, scene, rtol=1e-4)
 
@@ -138,39 +136,26 @@ def test_flow_depth_is_the_paper_s(scene):
 def test_a_camera_led_by_flow_depth_does_not_swing(scene):
     """It steps aside, each time as far as the depth that is estimated after the step before."""
     source = FlowDepth()
-    depth, state = source.estimate(DepthInputs(GRID), None)
+    depth, state = source.estimate(GRID, None, None)
     steps_m = []
     for _ in range(8):
         steps_m.append(0.02 * float(np.median(depth.z_m)))
         view = earlier_view(scene, (steps_m[-1], 0.0, 0.0))
-        depth, state = source.estimate(DepthInputs(GRID, view), state)
+        depth, state = source.estimate(GRID, view, state)
     np.testing.assert_allclose(steps_m[1:], steps_m[1], rtol=0.02)
 
 
 def test_flow_no_longer_than_its_noise_leaves_the_depth_as_it_was(scene):
     source = FlowDepth(noise=1e-3)
-    before, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (0.03, 0, 0))), None)
+    before, state = source.estimate(GRID, earlier_view(scene, (0.03, 0, 0)), None)
     still = earlier_view(scene, (1e-4, 0.0, 0.0))
-    after, _ = source.estimate(DepthInputs(GRID, still), state)
+    after, _ = source.estimate(GRID, still, state)
     np.testing.assert_allclose(after.z_m, before.z_m, rtol=1e-5)
 
 
 def test_flow_depth_does_not_mind_turning(scene):
     turning = earlier_view(scene, (0.03, 0.0, 0.0), (0.0, -0.1, 0.0))
-    depth, _ = FlowDepth().estimate(DepthInputs(GRID, turning), None)
+    depth, _ = FlowDepth().estimate(GRID, turning, None)
     # The step is seen from a camera turned by 0.1 rad: the formula is off by tan(0.1) x at most.
     np.testing.assert_allclose(depth.z_m, scene, rtol=0.25)
     assert np.median(depth.z_m / scene) == pytest.approx(1.0, abs=0.05)
-
-
-def test_given_depth_is_passed_on_or_asked_for():
-    given = DepthMap(np.full((9, 12), 2.0, np.float32), np.ones((9, 12), np.float32))
-    assert GivenDepth().estimate(DepthInputs(GRID, given=given), None)[0] is given
-    with pytest.raises(ConfigError):
-        GivenDepth().estimate(DepthInputs(GRID), None)
-
-
-@pytest.mark.parametrize("z", [0.0, -1.0, float("nan")])
-def test_impossible_constant_depths_are_refused(z):
-    with pytest.raises(ConfigError):
-        ConstantDepth(z)

@@ -11,7 +11,6 @@ from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.events import Action, BadReport
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import VehicleMotion
 
 TIMING = GateTiming()
 STEP_NS = 20 * MS
@@ -35,8 +34,8 @@ class Motion:
         for _ in range(round(seconds * S / STEP_NS)):
             f, r, d, w = (share * v for v in asked)
             c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-            own = VehicleMotion((c * f - s * r, s * f + c * r, d), self.yaw_rad)
-            self.check.integrate(BodyVelocity(*asked), own, self.now_ns)
+            own = (c * f - s * r, s * f + c * r, d), self.yaw_rad
+            self.check.integrate(BodyVelocity(*asked), *own, self.now_ns)
             self.now_ns += STEP_NS
             self.yaw_rad += w * STEP_NS / S
         return self
@@ -384,9 +383,9 @@ def test_where_nothing_was_asked_for_nothing_was_followed():
 
 def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
     check = InitialResponse(0)
-    own = VehicleMotion((0.3, 0.0, 0.1), math.pi / 2)  # heads east, drifts north: to its left
+    own = (0.3, 0.0, 0.1), math.pi / 2  # heads east, drifts north: to its left
     for t_ns in (0, 50 * MS):
-        check.integrate(BodyVelocity(0.1, 0.2, 0.3, 0.4), own, t_ns)
+        check.integrate(BodyVelocity(0.1, 0.2, 0.3, 0.4), *own, t_ns)
     assert check.asked_m == pytest.approx((0.005, 0.01, 0.015))
     assert check.asked_rad == pytest.approx(0.02)
     assert check.moved_m == pytest.approx((0.0, -0.015, 0.005))
@@ -395,7 +394,7 @@ def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
 def test_a_pause_counts_for_a_tenth_of_a_second_at_most():
     check = InitialResponse(0)
     for now_ns in (0, 5 * S):
-        check.integrate(BodyVelocity(0.1), VehicleMotion((0.1, 0.0, 0.0), 0.0), now_ns)
+        check.integrate(BodyVelocity(0.1), (0.1, 0.0, 0.0), 0.0, now_ns)
     assert check.followed_m == pytest.approx(0.01)
 
 
@@ -404,7 +403,7 @@ def test_a_turn_across_south_is_a_small_one():
     assert motion.check.followed_rad == pytest.approx(0.1)
     check = InitialResponse(0)
     for i, yaw in enumerate((3.1, -3.1)):
-        check.integrate(BodyVelocity(0, 0, 0, 0.1), VehicleMotion((0, 0, 0), yaw), i * STEP_NS)
+        check.integrate(BodyVelocity(0, 0, 0, 0.1), (0, 0, 0), yaw, i * STEP_NS)
     assert check.turned_rad == pytest.approx(math.tau - 6.2)
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.perception.flow_grid import sample_flow
-from dfvs_service.record.flight_log import Entry, FlightLog, Severity
+from dfvs_service.record.flight_log import FlightLog
 from dfvs_service.record.flown_path import FlownPath
 from dfvs_service.record.messages.foxglove import flow_annotations, log, path
 
@@ -88,8 +88,8 @@ def told(*statuses):
 def test_a_change_of_state_is_told_once_with_its_cause():
     hold = replace(STATUS, state="HOLD", cause="frame too old", since_ns=5)
     assert told(STATUS, STATUS, hold, replace(hold, t_ns=9)) == [
-        Entry(Severity.INFO, "READY"),
-        Entry(Severity.WARNING, "HOLD: frame too old"),
+        ("INFO", "READY"),
+        ("WARNING", "HOLD: frame too old"),
     ]
 
 
@@ -100,8 +100,8 @@ def test_a_state_that_is_entered_again_is_told_again():
 def test_answers_and_warnings_are_told_once():
     warned = replace(STATUS, warnings=("hot",), command_count=1, command_result="accepted: hold")
     assert told(STATUS, warned, replace(warned, t_ns=3))[1:] == [
-        Entry(Severity.INFO, "command accepted: hold"),
-        Entry(Severity.WARNING, "hot"),
+        ("INFO", "command accepted: hold"),
+        ("WARNING", "hot"),
     ]
 
 

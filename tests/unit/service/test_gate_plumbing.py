@@ -6,17 +6,22 @@ import os
 import select
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.schema import from_json, to_json
 from dfvs_service.gate import event_queue as inbox_module
 from dfvs_service.gate.event_queue import EventQueue
+from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines, JsonLines, LiveLine, describe
 from dfvs_service.supervisor.heartbeat import Heartbeat
 from dfvs_service.supervisor.journal import MAX_WAITING, Journal
+from dfvs_service.supervisor.parent import prepare_runtime
 
 SERVO = Heartbeat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
 
@@ -47,32 +52,44 @@ def test_a_full_inbox_drops_the_oldest_and_never_blocks():
     assert taken[-1].t_ns == count - 1
 
 
+def test_what_a_child_said_in_an_earlier_run_is_none_of_this_one(tmp_path):
+    runtime = RuntimeFolder(tmp_path)
+    runtime.stderr("recorder").write_text("warning: the disk is full\n")
+    sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2))
+    prepare_runtime(runtime, ServiceConfig(), Goal(np.zeros((48, 64, 3), np.uint8), sidecar))
+    assert runtime.stderr_files() == []
+
+
 def test_the_journal_writes_json_lines(tmp_path):
-    journal = Journal(tmp_path / "log")
+    told = []
+    journal = Journal(tmp_path / "log", told.append)
     journal.add(5, "transition", source="IDLE", target="PREFLIGHT")
     journal.close()
     record = json.loads((tmp_path / "log").read_text())
     assert record == {"t_ns": 5, "kind": "transition", "source": "IDLE", "target": "PREFLIGHT"}
+    assert told == []
 
 
 def test_a_full_disk_drops_records_and_stops_nobody():
-    journal = Journal(Path("/dev/full"))  # accepts no byte
+    told = []
+    journal = Journal(Path("/dev/full"), told.append)  # accepts no byte
     for i in range(10):
         journal.add(i, "note")
     journal.close()
-    assert journal.dropped == 10
+    assert told == ["warning: full lacks 10 lines"]
 
 
 def test_a_slow_disk_drops_records_and_blocks_nobody(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # opened, and never read
-    journal = Journal(pipe)
+    told = []
+    journal = Journal(pipe, told.append)
     for i in range(2 * MAX_WAITING):
         journal.add(i, "note", text="x" * 200)
-    assert journal.dropped > 0
     journal.close(0.05)
     os.close(reader)
+    assert [line for line in told if line.startswith("warning: pipe lacks ")]
 
 
 def test_a_beat_survives_the_wire():

@@ -9,7 +9,11 @@ from correlated_errors import correlated
 
 from dfvs_core.geometry.poses import so3_exp
 from dfvs_core.servo.goal_filter import (
-    FilterModel,
+    ERROR_M_S,
+    ERROR_RANGE_M_S,
+    ERROR_TIME_S,
+    GATE,
+    SCALE_SPREAD,
     OdometryDelta,
     PositionMeasurement,
     begin,
@@ -18,8 +22,7 @@ from dfvs_core.servo.goal_filter import (
     update,
 )
 
-MODEL = FilterModel()
-METRIC = FilterModel(scale_spread=0.0)
+METRIC = 0.0
 DT_S = 1 / 15
 DEPTH_M = 3.0
 STILL = np.zeros(3)
@@ -39,7 +42,7 @@ class Camera:
     rng: np.random.Generator
     goal_m: np.ndarray
     unit_m: float = 1.0
-    model: FilterModel = MODEL
+    scale_spread: float = SCALE_SPREAD
     spread: float = 0.0
     estimate: object = None
 
@@ -48,14 +51,14 @@ class Camera:
         exact = PositionMeasurement(
             self.goal_m / self.unit_m, DEPTH_M / self.unit_m, spread=self.spread
         )
-        return replace(exact, position=exact.position + exact.noise(self.model) * noise)
+        return replace(exact, position=exact.position + exact.noise() * noise)
 
     def look(self, noise=STILL):
         seen = self.seen(noise)
         if self.estimate is None:
-            self.estimate = begin(seen, self.model)
+            self.estimate = begin(seen, self.scale_spread)
         else:
-            self.estimate = update(self.estimate, seen, DT_S, self.model)
+            self.estimate = update(self.estimate, seen, DT_S, self.scale_spread)
 
     def move(self, velocity, error=STILL, told=None, turn=STILL):
         """Move at ``velocity`` for one frame, of which the odometry knows all but ``error``.
@@ -65,19 +68,19 @@ class Camera:
         R = so3_exp(np.array(turn))
         rate = velocity - error
         odometry = OdometryDelta(DT_S, rate * DT_S, rate if told is None else told, R)
-        self.estimate = predict(self.estimate, odometry, DEPTH_M / self.unit_m, self.model)
+        self.estimate = predict(self.estimate, odometry, DEPTH_M / self.unit_m)
         self.goal_m = R.T @ (self.goal_m - velocity * DT_S)
         return R.T
 
 
-def flown_about(seed, seconds=5.0, error_m_s=MODEL.error_m_s, spread=0.0):
+def flown_about(seed, seconds=5.0, error_m_s=ERROR_M_S, spread=0.0):
     """A camera that has flown about at random before a goal 2 m away, of unknown scale.
 
     Half a metre a second, and an odometry error as the model has it.
     """
     rng = np.random.default_rng(seed)
     frames = round(seconds / DT_S)
-    errors = correlated(rng, frames, error_m_s, MODEL.error_time_s, DT_S)
+    errors = correlated(rng, frames, error_m_s, ERROR_TIME_S, DT_S)
     velocities = correlated(rng, frames, 0.3, 2.0, DT_S)
     noise = correlated(rng, frames, 1.0, 0.1, DT_S)
     camera = Camera(rng, np.array([0.3, -0.2, 2.0]), math.exp(rng.normal(0.0, 0.6)), spread=spread)
@@ -125,7 +128,7 @@ def test_a_vehicle_that_drifts_and_believes_to_stand_still_learns_no_scale(seed)
 
 
 def test_a_metric_depth_keeps_its_scale():
-    camera = Camera(np.random.default_rng(1), np.array([0.0, 0.3, 1.5]), model=METRIC)
+    camera = Camera(np.random.default_rng(1), np.array([0.0, 0.3, 1.5]), scale_spread=METRIC)
     for _ in range(60):
         camera.look()
         camera.move(np.array([0.0, 0.0, 0.3]), error=np.array([0.0, 0.0, 0.1]))
@@ -135,7 +138,7 @@ def test_a_metric_depth_keeps_its_scale():
 
 def hovering(error, told=None, seconds=4.0):
     """A camera that stands still by the images, 0.2 m off a goal, whatever the odometry tells."""
-    camera = Camera(np.random.default_rng(2), np.array([0.1, 0.1, 0.15]), model=METRIC)
+    camera = Camera(np.random.default_rng(2), np.array([0.1, 0.1, 0.15]), scale_spread=METRIC)
     for _ in range(round(seconds / DT_S)):
         camera.look()
         camera.move(STILL, error, told)
@@ -160,13 +163,13 @@ def test_the_expected_size_of_the_error_follows_what_is_seen_of_it():
     small, usual, large = (
         hovering(np.array([size, 0.0, 0.0]), seconds=15.0).error_m_s for size in (0.0, 0.05, 0.3)
     )
-    assert MODEL.error_range_m_s[0] <= small < 0.02 < usual < 0.05 < large
-    assert large <= MODEL.error_range_m_s[1]
+    assert ERROR_RANGE_M_S[0] <= small < 0.02 < usual < 0.05 < large
+    assert large <= ERROR_RANGE_M_S[1]
 
 
-def settled(seconds=2.0, model=MODEL):
+def settled(seconds=2.0):
     """A camera that has flown on straight by a right odometry, and its filter."""
-    camera = Camera(np.random.default_rng(3), np.array([0.2, 0.0, 2.5]), model=model)
+    camera = Camera(np.random.default_rng(3), np.array([0.2, 0.0, 2.5]))
     for _ in range(round(seconds / DT_S)):
         camera.look()
         camera.move(np.array([0.0, 0.0, 0.4]))
@@ -216,17 +219,17 @@ def test_a_right_measurement_ends_a_row_of_outliers():
 @pytest.mark.parametrize(
     ("nis", "teaches"), [(15.0, True), (17.0, False), (29.0, False), (31.0, False)]
 )
-def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(nis, teaches):
+def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(nis, teaches, monkeypatch):
     """A wrong match moves the goal where the vehicle does not, as a tiny scale would explain."""
-    model = replace(MODEL, relative_noise=0.0)
-    camera = settled(0.5, model)
+    monkeypatch.setattr("dfvs_core.servo.goal_filter._RELATIVE_NOISE", 0.0)
+    camera = settled(0.5)
     before, seen = camera.estimate, camera.seen()
-    S = before.P[:3, :3] + np.eye(3) * seen.noise(model) ** 2
+    S = before.P[:3, :3] + np.eye(3) * seen.noise() ** 2
     leap = np.array([0.0, 0.0, -math.sqrt(nis / np.linalg.inv(S)[2, 2])])
-    after = update(before, replace(seen, position=before.x[:3] + leap), DT_S, model)
+    after = update(before, replace(seen, position=before.x[:3] + leap), DT_S, SCALE_SPREAD)
     assert (after.metres_per_unit != before.metres_per_unit) == teaches
     assert (after.scale_spread < before.scale_spread) == teaches
-    assert (after.x[2] < before.x[2]) == (nis < model.gate)
+    assert (after.x[2] < before.x[2]) == (nis < GATE)
     assert np.linalg.eigvalsh(after.P)[0] > 0.0
 
 
@@ -235,7 +238,7 @@ def test_another_structure_is_no_motion_and_leaves_the_distance_while_the_scale_
     camera = Camera(np.random.default_rng(3), np.array([0.3, -0.2, 2.0]))
     camera.look()
     before = camera.estimate
-    after = restructured(before, before.x[:3], factor * before.x[:3], MODEL)
+    after = restructured(before, before.x[:3], factor * before.x[:3], SCALE_SPREAD)
     np.testing.assert_allclose(after.x[:3], factor * before.x[:3])
     assert abs(math.log(after.distance_m / before.distance_m)) < 0.25 * abs(math.log(factor))
     np.testing.assert_array_equal(after.x[RATE_ERROR], before.x[RATE_ERROR])
@@ -246,7 +249,7 @@ def test_another_structure_is_no_motion_and_leaves_the_distance_while_the_scale_
 def test_a_known_scale_does_not_follow_a_structure_that_moves_the_goal(factor):
     """That is a wrong match, or the noise of a short distance: the depths are as they were."""
     before = settled().estimate
-    after = restructured(before, before.x[:3], factor * before.x[:3], MODEL)
+    after = restructured(before, before.x[:3], factor * before.x[:3], SCALE_SPREAD)
     assert abs(math.log(after.metres_per_unit / before.metres_per_unit)) < 0.1
     assert after.scale_spread < before.scale_spread + 0.1
 
@@ -277,7 +280,7 @@ def test_another_goal_keeps_the_scale_and_the_odometry_s_error():
 
 
 def test_a_turn_of_the_camera_turns_all_that_is_in_its_axes():
-    camera = Camera(np.random.default_rng(4), np.array([0.1, 0.1, 0.15]), model=METRIC)
+    camera = Camera(np.random.default_rng(4), np.array([0.1, 0.1, 0.15]), scale_spread=METRIC)
     error, slip = np.array([0.05, -0.02, 0.01]), np.array([0.0, 0.04, 0.0])
     turned = np.eye(3)
     for _ in range(90):
@@ -296,7 +299,7 @@ def test_a_turn_of_the_camera_turns_all_that_is_in_its_axes():
 def test_without_time_between_two_frames_nothing_changes():
     before = settled().estimate
     odometry = OdometryDelta(0.0, np.ones(3), np.ones(3), np.eye(3))
-    assert predict(before, odometry, DEPTH_M, MODEL) is before
+    assert predict(before, odometry, DEPTH_M) is before
 
 
 @pytest.mark.parametrize("seed", range(5))

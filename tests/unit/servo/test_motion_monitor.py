@@ -16,7 +16,7 @@ from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.checks.mounting import begin_mounting, follow_mounting, mounting_score
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, LastFrame, ServoInputs, ServoState
-from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
+from dfvs_core.servo.goal_filter import PositionMeasurement, begin
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.step import _probed
 from dfvs_core.servo.task import ServoTask
@@ -37,7 +37,7 @@ def frame(k, odometry_error_m_s=0.0, is_engaged=True, is_paused=False):
     depth = DepthMap(np.full(samples.confidence.shape, 3.0), np.ones(samples.confidence.shape))
     points = points_from_flow(samples, depth, CAMERA, CAMERA)
     seen = PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0)
-    estimate = replace(begin(seen, FilterModel(scale_spread=0.0)), error_m_s=odometry_error_m_s)
+    estimate = replace(begin(seen, 0.0), error_m_s=odometry_error_m_s)
     return FrameMotion(
         k * FRAME_NS, points, points.weight, estimate, AHEAD, 0.3 * AHEAD, is_engaged, is_paused
     )

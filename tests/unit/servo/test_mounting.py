@@ -19,7 +19,7 @@ from dfvs_core.servo.checks.mounting import (
 )
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, ServoInputs
-from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
+from dfvs_core.servo.goal_filter import SCALE_SPREAD, PositionMeasurement, begin
 from dfvs_core.servo.points import GridSamples
 from dfvs_core.servo.step import _probed
 from dfvs_core.servo.task import ServoTask
@@ -322,7 +322,7 @@ def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
     assert set(probed(score)) == {(0.4, 0.1)}
 
 
-ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
+ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), SCALE_SPREAD)
 UNDECIDED = MotionMeasures(0.0, 0.0, 0.0, False, 0.0, 0.0, False, False)
 
 

@@ -9,7 +9,7 @@ from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, LastFrame, ServoInputs, ServoState
-from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
+from dfvs_core.servo.goal_filter import SCALE_SPREAD, PositionMeasurement, begin
 from dfvs_core.servo.level import corrected
 from dfvs_core.servo.points import LEAST_POINTS, sample_grid
 from dfvs_core.servo.task import ServoTask
@@ -19,7 +19,7 @@ CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.3)
 TASK = ServoTask(ServoConfig(stride_px=8), CAMERA, GoalSidecar(CAMERA), Mount())
 FRAME_S = 0.125
 NO_FLOW = empty_flow((48, 64))
-ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), FilterModel())
+ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), SCALE_SPREAD)
 
 
 def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0, attitude_error_rad=(0.0, 0.0)):

@@ -21,10 +21,11 @@ from dfvs_service.camera.calibration.coverage import coverage_of
 from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
-from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.sources.source import SourceOptions, open_source
-from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
+from dfvs_service.camera.options import add_source_options, feed_of, log
+from dfvs_service.camera.sources.images import image_paths
+from dfvs_service.camera.sources.spec import CameraError, SourceKind, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
+from dfvs_service.settings.goal_file import read_image
 
 _RECEIVE_S = 0.25
 _NEW_SHARE = 0.06
@@ -137,35 +138,27 @@ def _collect(
 ) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
     """Views of the board, the images' size (width, height) px, and PNGs of those in no folder."""
     spec = parse_source(arguments.source)
-    options = source_options(arguments, None)
     if spec.kind is SourceKind.IMAGES:
-        return *_from_images(board, spec, options), []
+        return *_from_images(board, image_paths(spec.place)), []
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
         return _from_feed(board, feed, stop)
 
 
-def _from_images(
-    board: Board, spec: SourceSpec, options: SourceOptions
-) -> tuple[list[BoardView], tuple[int, int]]:
+def _from_images(board: Board, paths: Sequence[Path]) -> tuple[list[BoardView], tuple[int, int]]:
     """Views from all images of a folder, which must be of one size."""
-    from dfvs_service.camera.sources.images import image_paths
-
-    source = open_source(spec, options)
     views: list[BoardView] = []
     size: tuple[int, int] | None = None
-    for path in image_paths(spec.place):
-        captured = source.read()
-        if captured is None:
-            break
-        height, width = captured.image.shape[:2]
+    for path in paths:
+        image = read_image(path)
+        height, width = image.shape[:2]
         if size not in (None, (width, height)):
             raise CameraError(
                 f"{path} has {width} x {height} px", f"{size}, the size of those before it"
             )
         size = (width, height)
-        view = board.find(captured.image, path.name)
+        view = board.find(image, path.name)
         log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
         if view is not None:
             views.append(view)

@@ -3,11 +3,9 @@
 import time
 from pathlib import Path
 
-from dfvs_core.errors import ImageError
-from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
 from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
-from dfvs_service.settings.goal_file import is_image
+from dfvs_service.settings.goal_file import is_image, read_image
 
 
 def image_paths(place: str) -> list[Path]:
@@ -39,15 +37,7 @@ class ImageSource:
         """Next image, None after the last one."""
         if not self._waiting:
             return None
-        path = self._waiting.pop()
-        try:
-            with path.open("rb") as file:
-                image = decode_image(file.read(MAX_IMAGE_BYTES + 1))
-        except OSError as error:
-            raise CameraError(f"cannot read {path} ({error.strerror})") from error
-        except ImageError as error:
-            raise CameraError(f"the image {path} cannot be used: {error}") from error
-        return CapturedImage(image, time.monotonic_ns())
+        return CapturedImage(read_image(self._waiting.pop()), time.monotonic_ns())
 
     def close(self) -> None:
         """Nothing is open between two images."""

@@ -122,8 +122,9 @@ def path(t_ns: int, positions_m: Sequence[tuple[float, float, float]]) -> bytes:
 
 def log(t_ns: int, name: str, entry: Entry) -> bytes:
     """``foxglove.Log`` of one line."""
-    level = Log.Level.Value(entry.severity.name)
-    message = Log(timestamp=_time(t_ns), level=level, name=name, message=entry.text)
+    severity, text = entry
+    level = Log.Level.Value(severity)
+    message = Log(timestamp=_time(t_ns), level=level, name=name, message=text)
     return message.SerializeToString()
 
 
