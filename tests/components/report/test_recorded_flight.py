@@ -116,6 +116,22 @@ def test_two_runs_of_the_service_follow_each_other_and_are_named(tmp_path):
     assert replayed.times_s[-1] > began_s
 
 
+def test_a_run_that_was_joined_after_a_change_of_goal_is_the_same_alone_and_after_another(tmp_path):
+    before = fly(np.random.default_rng(7), 5)
+    change, *records = fly(np.random.default_rng(8), 8, next_goal_at=5).events[6:]
+    assert change[0].first_turn == 5
+    files = [tmp_path / name for name in ("alone", "both")]
+    for folder, events in zip(files, ([], before.events), strict=True):
+        folder.mkdir()
+        write_recording(folder, [*events, change, *records])
+    alone, both = (replay([f / "flight-000.mcap"], Trial(), lambda _: None) for f in files)
+    assert both.reasons == alone.reasons
+    assert both.reasons == ("5 frame records before frame record 5 were not recorded",)
+    assert [f.report for f in both.frames][-len(alone.frames) :] == [f.report for f in alone.frames]
+    (several,) = RecordedFlight([files[1] / "flight-000.mcap"]).read().summary.told
+    assert several.startswith("the recording holds 2 runs of the service")
+
+
 def test_files_of_two_vehicles_are_refused_by_their_names(tmp_path):
     files = []
     for vehicle, seed in (("drone1", 7), ("drone2", 8)):
