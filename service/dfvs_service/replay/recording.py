@@ -144,8 +144,8 @@ def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
-    """Files of a recording in the order of their names, a repaired copy after its original."""
-    return sorted(paths, key=lambda path: (path.parent, path.stem))
+    """Files in the order of their names, wherever they lie, a repaired copy after its original."""
+    return sorted(paths, key=lambda path: (path.stem, path.parent))
 
 
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
