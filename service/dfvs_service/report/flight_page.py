@@ -233,7 +233,9 @@ def _faults(flight: Flight) -> Table:
         for c in flight.summary.states
         if c.state in _TROUBLE
     ]
-    shown = [f for f in (*left, *flight.series.faults) if flight.line.shows(f.from_s)]
+    from_s, to_s = flight.line.from_s, flight.line.to_s
+    faults = (*left, *flight.series.faults)
+    shown = [f for f in faults if f.from_s <= to_s and f.to_s >= from_s]
     rows = tuple(
         (f"{f.from_s:.2f}", f"{f.to_s - f.from_s:.2f}", str(f.count), f.text)
         for f in sorted(shown, key=lambda fault: fault.from_s)

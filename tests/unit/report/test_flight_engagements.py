@@ -1,11 +1,11 @@
-"""Figures of a flight that was engaged more than once."""
+"""What a page says of the time in which the vehicle was engaged, once, twice or never."""
 
 import pytest
 
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.report.flight import BLACK_BOX, Flight
 from dfvs_service.report.flight_page import make_report
-from dfvs_service.report.series import FlightSeries
+from dfvs_service.report.series import Fault, FlightSeries
 
 FLOWN = ((0, "READY"), (5, "ENGAGE"), (6, "SERVO"), (20, "DONE"), (25, "RELEASED"))
 
@@ -19,11 +19,15 @@ class Source:
         return iter(())
 
 
+def flown(states, duration_s, series):
+    changes = tuple(StateChange(t_s, state, "", "") for t_s, state in states)
+    summary = FlightSummary("f", "", "", "", duration_s, "ended", 0, "", changes, (), "", 1)
+    return Flight(summary, BLACK_BOX, 0, series, "{}", "", ())
+
+
 @pytest.fixture
 def flight():
     """Two flights of 20 s, two hours apart; by hand, frames are late and far from the goal."""
-    states = [StateChange(t_s + s, state, "", "") for t_s in (60.0, 7200.0) for s, state in FLOWN]
-    summary = FlightSummary("f", "", "", "", 7400.0, "ended", 0, "", tuple(states), (), "", 1)
     series = FlightSeries()
     for t_s, error_m, late_ms in (
         *((65.0, 9.0, 50.0), (85.0, 8.0, 50.0), (4000.0, 5.0, 999.0)),
@@ -32,7 +36,7 @@ def flight():
         series.error_m.append((t_s, error_m))
         series.latency_ms.append((t_s, late_ms))
         series.stages_ms.setdefault("match", []).append((t_s, late_ms))
-    return Flight(summary, BLACK_BOX, 0, series, "{}", "", ())
+    return flown([(t_s + s, state) for t_s in (60.0, 7200.0) for s, state in FLOWN], 7400.0, series)
 
 
 def test_time_between_two_engagements_is_not_under_control(flight, tmp_path):
@@ -47,3 +51,11 @@ def test_distances_are_those_of_the_last_engagement_and_say_so(flight, tmp_path)
     page = make_report(Source(), flight, tmp_path / "film.webm")
     assert "distance to the goal, estimated, last engagement" in page
     assert "2.000 → 0.100 m" in page
+
+
+def test_a_fault_that_began_before_the_plots_and_goes_on_in_them_is_told(tmp_path):
+    faults = [Fault(1.0, 119.9, "the frame was old", 1190), Fault(1.0, 50.0, "over by then")]
+    never_ready = flown([(0.5, "PREFLIGHT")], 120.0, FlightSeries(faults=faults))
+    page = make_report(Source(), never_ready, tmp_path / "film.webm")
+    assert "the frame was old" in page
+    assert "over by then" not in page
