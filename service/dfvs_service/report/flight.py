@@ -17,7 +17,7 @@ BLACK_BOX, RECORDING = "black box", "recording"
 _LEAD_S = 3.0
 """A report shows so long before the vehicle was engaged, and after it was handed back."""
 _NEVER_ENGAGED_S = 60.0
-_ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
+ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Flight:
     def engagements(self) -> tuple[Span, ...]:
         """From when to when the vehicle was engaged, each time; the last minute where never."""
         end_s, spans, since_s = self.summary.duration_s, [], None
-        changes = [(change.t_s, change.state in _ENGAGED) for change in self.summary.states]
+        changes = [(change.t_s, change.state in ENGAGED) for change in self.summary.states]
         for t_s, is_engaged in (*changes, (end_s, False)):
             if is_engaged and since_s is None:
                 since_s = t_s

@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Page, Table, Video, View, render
-from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
+from dfvs_service.report.flight import BLACK_BOX, ENGAGED, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries, values_in
 from dfvs_service.report.thumbnails import collect
 from dfvs_service.report.video import VideoWriter
@@ -123,7 +123,7 @@ def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
     series, spans = flight.series, flight.engagements
     which = ", last engagement" if len(spans) > 1 else ""
     figures = [("time under control", f"{sum(to_s - from_s for from_s, to_s in spans):.1f} s")]
-    if not any(change.state == "ENGAGE" for change in flight.summary.states):
+    if not any(change.state in ENGAGED for change in flight.summary.states):
         figures = [("time under control", "none")]
     for name, samples, form, unit in (
         ("distance to the goal, estimated", series.error_m, ".3f", "m"),

@@ -59,3 +59,9 @@ def test_a_fault_that_began_before_the_plots_and_goes_on_in_them_is_told(tmp_pat
     page = make_report(Source(), never_ready, tmp_path / "film.webm")
     assert "the frame was old" in page
     assert "over by then" not in page
+
+
+@pytest.mark.parametrize(("state", "time"), [("SERVO", "9.5 s"), ("READY", "none")])
+def test_records_that_begin_in_flight_have_a_time_under_control(state, time, tmp_path):
+    page = make_report(Source(), flown([(0.5, state)], 10.0, FlightSeries()), tmp_path / "f.webm")
+    assert f"<b>{time}</b><span>time under control</span>" in page
