@@ -214,9 +214,11 @@ class StateLog:
 
     def __init__(self) -> None:
         self.changes: list[StateChange] = []
+        self._last: tuple[Run, str, int] | None = None
 
     def add(self, status: GateStatus, run: Run) -> None:
         """Take the gate's next status, of a run; a state is entered in the run at the earliest."""
-        if not self.changes or status.state != self.changes[-1].state:
+        last, self._last = self._last, (run, status.state, status.since_ns)
+        if self._last != last:
             t_s = run.seconds(max(status.since_ns, run.opened_ns))
             self.changes.append(StateChange(t_s, status.state, status.cause, ""))

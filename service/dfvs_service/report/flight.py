@@ -46,7 +46,7 @@ class Flight:
     """A flight with its curves; times in s from ``start_ns`` (monotonic).
 
     ``settings`` and ``build`` are JSON; ``goals`` are the images (H, W, 3) RGB that were flown to,
-    each with its time.
+    each with its time. ``run_ends_s`` holds when runs of the service ended that another followed.
     """
 
     summary: FlightSummary
@@ -56,13 +56,15 @@ class Flight:
     settings: str
     build: str
     goals: tuple[tuple[float, ImageArray], ...]
+    run_ends_s: tuple[float, ...] = ()
 
     @property
     def engagements(self) -> tuple[Span, ...]:
         """From when to when the vehicle was engaged, each time; the last minute where never."""
         end_s, spans, since_s = self.summary.duration_s, [], None
         changes = [(change.t_s, change.state in ENGAGED) for change in self.summary.states]
-        for t_s, is_engaged in (*changes, (end_s, False)):
+        changes += [(t_s, False) for t_s in self.run_ends_s]
+        for t_s, is_engaged in (*sorted(changes, key=lambda change: change[0]), (end_s, False)):
             if is_engaged and since_s is None:
                 since_s = t_s
             elif not is_engaged and since_s is not None:

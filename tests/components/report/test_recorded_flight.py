@@ -74,10 +74,22 @@ def test_the_verdict_is_that_of_the_last_status(state, is_reached, verdict, tmp_
     assert summary.exit_code == (0 if is_reached else None)
 
 
-def heard(record, state, is_reached):
-    """Frame record whose statuses say that."""
-    statuses = [replace(status, state=state, reached=is_reached) for status in record.heard]
-    return replace(record, heard=tuple(statuses))
+def heard(record, state, is_reached=False, cause="tested"):
+    """Frame record whose statuses say that, of a state that was entered with it."""
+    said = {"state": state, "reached": is_reached, "cause": cause, "since_ns": record.t_ns}
+    return replace(record, heard=tuple(replace(status, **said) for status in record.heard))
+
+
+def test_a_state_of_another_run_has_its_own_cause_and_engagement(tmp_path):
+    events = []
+    for seed, cause in ((7, "perception silent"), (8, "goal lost")):
+        header, (record, data), *_ = fly(np.random.default_rng(seed), 1).events
+        events += [header, (heard(record, "HOLD", cause=cause), data)]
+        events.append((replace(record, number=1, heard=(), t_ns=record.t_ns + 10**9), data))
+    read = RecordedFlight([write_recording(tmp_path, events)]).read()
+    assert read.summary.verdict == "the recording ends in HOLD: goal lost"
+    assert [change.cause for change in read.summary.states] == ["perception silent", "goal lost"]
+    assert [to_s - from_s for from_s, to_s in read.engagements] == pytest.approx([1.0, 1.0])
 
 
 def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
