@@ -49,7 +49,7 @@ def log_axis(low: float, high: float) -> Axis:
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     marks = [step * 10.0**power for power in range(first, last + 1) for step in _STEPS]
     low = max(mark for mark in marks if mark <= low * (1 + 1e-9))
-    high = min(mark for mark in marks if mark >= high * (1 - 1e-9))
+    high = min(mark for mark in marks if mark >= high * (1 - 1e-9) and mark > low)
     ticks = tuple(mark for mark in marks if low <= mark <= high)
     if len(ticks) > 2 * _TICKS:
         ticks = tuple(mark for mark in ticks if f"{mark:e}".startswith("1.0"))

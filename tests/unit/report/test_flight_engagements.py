@@ -1,11 +1,11 @@
-"""What a page says of the time in which the vehicle was engaged, once, twice or never."""
+"""The page about a flight by hand: engaged twice, once or never, with odd records."""
 
 import pytest
 
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.report.flight import BLACK_BOX, Flight
 from dfvs_service.report.flight_page import make_report
-from dfvs_service.report.series import Fault, FlightSeries
+from dfvs_service.report.series import Fault, FlightSeries, SeriesBuilder
 
 FLOWN = ((0, "READY"), (5, "ENGAGE"), (6, "SERVO"), (20, "DONE"), (25, "RELEASED"))
 
@@ -65,3 +65,15 @@ def test_a_fault_that_began_before_the_plots_and_goes_on_in_them_is_told(tmp_pat
 def test_records_that_begin_in_flight_have_a_time_under_control(state, time, tmp_path):
     page = make_report(Source(), flown([(0.5, state)], 10.0, FlightSeries()), tmp_path / "f.webm")
     assert f"<b>{time}</b><span>time under control</span>" in page
+
+
+def test_a_frame_that_was_stamped_ahead_has_its_place_among_the_latencies(tmp_path):
+    builder = SeriesBuilder(0)
+    builder.add_servo({"t_ns": 10**9, "t_capture_ns": 10**9 + 5_000_000})
+    flight = flown([(0.5, "SERVO")], 2.0, builder.series)
+    assert "capture to command, median" in make_report(Source(), flight, tmp_path / "f.webm")
+
+
+def test_a_flight_whose_states_were_lost_has_its_plots(tmp_path):
+    flight = flown([], 2.0, FlightSeries(error_m=[(1.0, 0.5), (1.1, 0.4)]))
+    assert "<polyline" in make_report(Source(), flight, tmp_path / "f.webm")
