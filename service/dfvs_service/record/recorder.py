@@ -144,7 +144,7 @@ class Recorder:
         except OSError as error:
             self._pause(f"{file.path}: {error.strerror}")
             return False
-        if file.size_bytes >= self._file_bytes:
+        if file.size_bytes >= self._file_bytes and not first:
             self._finish()
         return True
 
