@@ -64,7 +64,7 @@ class Recorder:
     ) -> None:
         self._folder = folder
         self._name = name
-        self._file_bytes = round(section.max_file_mb * MB)
+        self._file_bytes = round(min(section.max_file_mb, section.max_total_mb / 2) * MB)
         self._total_bytes = round(section.max_total_mb * MB)
         self._free_bytes = round(section.min_free_mb * MB)
         self._tick = tick

@@ -3,6 +3,7 @@
 import numpy as np
 from recorded_flight import fly
 
+from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.image import encode_png
 from dfvs_service.record.recorder import Recorder
@@ -26,3 +27,11 @@ def test_a_goal_larger_than_a_file_is_recorded_with_its_frame_records(tmp_path, 
     goal = encode_png(rng.integers(0, 256, (240, 320, 3)).astype(np.uint8))
     recorder, _ = recorded(tmp_path, [(header, goal), *records], max_file_mb=0.9e-6 * len(goal))
     assert (recorder.counts.records, recorder.counts.dropped) == (4, 0)
+
+
+def test_a_recording_smaller_than_a_file_keeps_its_size_and_the_newest_records(tmp_path):
+    flight = fly(np.random.default_rng(7), 12, PixelFormat.RGB8)  # 3 MB
+    recorder, greatest_mb = recorded(tmp_path, flight.events, max_total_mb=1.5)
+    assert recorder.counts.files_removed > 0
+    assert recorder.counts.records == 12
+    assert greatest_mb < 2.0
