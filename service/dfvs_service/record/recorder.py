@@ -91,7 +91,7 @@ class Recorder:
 
     def open(self, header: SessionHeader, image: bytes) -> None:
         """Take the session header that holds for the frame records to come."""
-        if self._header is not None:
+        if self._header is not None and header.run != self._header[0].run:
             self._next_record = header.first_turn
         self._header = (header, image)
         self._translation = Translation(header)

@@ -35,3 +35,11 @@ def test_a_recording_smaller_than_a_file_keeps_its_size_and_the_newest_records(t
     assert recorder.counts.files_removed > 0
     assert recorder.counts.records == 12
     assert greatest_mb < 2.0
+
+
+def test_frame_records_lost_before_a_change_of_goal_are_counted(tmp_path):
+    flight, again = (fly(np.random.default_rng(seed), 6, next_goal_at=4) for seed in (7, 8))
+    numbers = [getattr(message, "number", None) for message, _ in flight.events]
+    rest = flight.events[: numbers.index(2)] + flight.events[numbers.index(3) + 1 :]
+    recorder, _ = recorded(tmp_path, rest + again.events)  # a run that lost none follows
+    assert recorder.counts.missing == 2
