@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link, vehicle_namespace
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -44,7 +43,6 @@ def _parser() -> argparse.ArgumentParser:
         default="rmw",
         help="how ROS 2 comes to Zenoh: rmw_zenoh (default) or zenoh-bridge-ros2dds",
     )
-    parser.add_argument("--domain", type=int, default=0, metavar="N", help="ROS domain (rmw)")
     parser.add_argument(
         "--ros",
         metavar="ENDPOINT",
@@ -55,8 +53,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _relay(arguments: argparse.Namespace) -> int:
     stop, config = stop_event(), settings_from(arguments)
-    if not 0 <= arguments.domain <= 232:
-        raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
     vehicle_namespace(config.vehicle.name)  # refused before any link is waited for
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
     from dfvs_service.command import operators_zenoh
@@ -77,7 +73,7 @@ def _relay(arguments: argparse.Namespace) -> int:
             if other is None:
                 return EXIT_OK
             ros = stack.enter_context(other)
-        relay = Relay(config.vehicle.name, (service, ros), link, arguments.domain)
+        relay = Relay(config.vehicle.name, (service, ros), link, config.camera.ros2.domain)
         names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
         log(f"publishing {names}")
         stop.wait()
