@@ -53,12 +53,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _relay(arguments: argparse.Namespace) -> int:
     stop, config = stop_event(), settings_from(arguments)
-    vehicle_namespace(config.vehicle.name)  # refused before any link is waited for
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
+    from dfvs_common.ros2 import typestore
     from dfvs_service.command import operators_zenoh
     from dfvs_service.ros2.relay import Relay
     from dfvs_service.zenoh_session import open_persistently
 
+    vehicle_namespace(config.vehicle.name)
+    typestore()  # both are refused before any link is waited for
     link: Ros2Link = arguments.link
     with contextlib.ExitStack() as stack:
         service = open_persistently(operators_zenoh(config.zenoh), stop.is_set, _log)

@@ -4,9 +4,9 @@ import contextlib
 
 import pytest
 
+from dfvs_common.ros2 import decode, encode
 from dfvs_core.errors import ConfigError
 from dfvs_service.ros2.cli import main
-from dfvs_service.ros2.messages import decode, encode
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
     IMAGE,
