@@ -2,20 +2,11 @@
 
 import numpy as np
 
+from dfvs_common.ros2 import encode, header, make
 from dfvs_core.messages.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
-from dfvs_service.ros2.messages import encode, typestore
 
 STAMP_NS = 1_700_000_000_123_456_789
-
-
-def _types():
-    types = typestore().types
-    return types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
-
-
-def header(stamp_ns=STAMP_NS):
-    Header, Time = _types()
-    return Header(Time(*divmod(stamp_ns, 1_000_000_000)), "camera")
+FRAME = "camera"
 
 
 def image_message(pixels, encoding, *, step=None, is_bigendian=0, stamp_ns=STAMP_NS):
@@ -24,24 +15,22 @@ def image_message(pixels, encoding, *, step=None, is_bigendian=0, stamp_ns=STAMP
     step = width * size if step is None else step
     rows = np.full((height, step), 0xEE, np.uint8)
     rows[:, : width * size] = pixels.reshape(height, -1)
-    Image = typestore().types[IMAGE]
-    message = Image(header(stamp_ns), height, width, encoding, is_bigendian, step, rows.reshape(-1))
-    return encode(IMAGE, message)
+    stamped = header(stamp_ns, FRAME)
+    data = rows.reshape(-1)
+    return encode(IMAGE, make(IMAGE, stamped, height, width, encoding, is_bigendian, step, data))
 
 
 def compressed_message(data, kind="jpeg", stamp_ns=STAMP_NS):
-    CompressedImage = typestore().types[COMPRESSED_IMAGE]
-    return encode(
-        COMPRESSED_IMAGE, CompressedImage(header(stamp_ns), kind, np.frombuffer(data, np.uint8))
-    )
+    message = make(COMPRESSED_IMAGE, header(stamp_ns, FRAME), kind, np.frombuffer(data, np.uint8))
+    return encode(COMPRESSED_IMAGE, message)
 
 
 def info_message(size, k, d=(), model="plumb_bob", p=(0.0,) * 12, **changes):
-    types = typestore().types
-    Roi = types["sensor_msgs/msg/RegionOfInterest"]
-    fields = {"binning_x": 0, "binning_y": 0, "roi": Roi(0, 0, 0, 0, False), **changes}
-    info = types[CAMERA_INFO](
-        header(),
+    roi = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    fields = {"binning_x": 0, "binning_y": 0, "roi": roi} | changes
+    info = make(
+        CAMERA_INFO,
+        header(STAMP_NS, FRAME),
         size[1],
         size[0],
         model,
@@ -49,6 +38,6 @@ def info_message(size, k, d=(), model="plumb_bob", p=(0.0,) * 12, **changes):
         np.array(k, np.float64),
         np.eye(3).reshape(-1),
         np.array(p, np.float64),
-        **fields,
+        *fields.values(),
     )
     return encode(CAMERA_INFO, info)

@@ -1,4 +1,4 @@
-"""Publishing of ROS 2 messages over Zenoh; rosbags, which it needs, is loaded by the first use."""
+"""ROS 2 messages, and their publishing over Zenoh; rosbags is loaded by the first use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.messages.ros2 import Ros2Attachment, Ros2Link, Ros2Node, Ros2Topic
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def typestore() -> Typestore:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ConfigError(
-            f"ROS 2 messages cannot be written ({error})",
+            f"ROS 2 messages cannot be read or written ({error})",
             "the package rosbags",
             "install it with: pip install 'dfvs[ros]'",
         ) from error
@@ -46,6 +46,24 @@ def type_hash(type_name: str) -> str:
 def encode(type_name: str, message: object) -> bytes:
     """CDR of a message, with its header."""
     return bytes(typestore().serialize_cdr(message, type_name))
+
+
+def decode(type_name: str, payload: bytes) -> Any:
+    """Message from CDR with its header; arrays are views into the payload.
+
+    Raises
+    ------
+    WireError
+        If the bytes are no such message.
+    """
+    types = typestore()
+    from rosbags.serde import SerdeError
+
+    try:
+        return types.deserialize_cdr(payload, type_name)
+    except SerdeError as error:
+        name = type_name.rpartition("/")[2]
+        raise WireError(f"{len(payload)} bytes are no ROS 2 {name}: {error}") from error
 
 
 def make(type_name: str, *fields: Any) -> Any:

@@ -27,10 +27,10 @@ class SessionHeader:
     """What perception works with from the frame record ``first_turn`` on.
 
     ``opened_ns`` is the time of its start, and identifies the header. ``clock`` is the identity
-    (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them gives Unix time. ``build``
-    maps software to versions, ``model`` the files of matcher and depth network to their SHA-256,
-    those of the latter by ``depth/`` and their name. ``settings`` are the service's
-    resolved ones, ``sidecar`` the goal's; the goal image (PNG) travels beside the header.
+    (hex) of the clock of all ``_ns``; ``unix_offset_ns``, one for each run of perception, added to
+    them gives Unix time. ``build`` maps software to versions, ``model`` the files of matcher and
+    depth network to their SHA-256, those of the latter by ``depth/`` and their name. ``settings``
+    are the service's resolved ones, ``sidecar`` the goal's; the goal image (PNG) travels beside it.
     ``observed_ns`` is the capture time of the earlier frame whose preview tracking began with,
     None where it began with a relocalisation.
     """
@@ -51,6 +51,11 @@ class SessionHeader:
         """Refuse another format."""
         if self.format != RECORD_FORMAT:
             raise ConfigError(f"the recording has the format {self.format!r}", repr(RECORD_FORMAT))
+
+    @property
+    def run(self) -> tuple[str, int]:
+        """Identity of its run of perception, which all headers of that run share."""
+        return self.clock, self.unix_offset_ns
 
 
 @dataclass(frozen=True, slots=True)

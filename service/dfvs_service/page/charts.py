@@ -198,7 +198,7 @@ def _x_axis(line: TimeLine) -> str:
 def _state_line(line: TimeLine, top: float) -> str:
     parts = []
     ends = [*(change.t_s for change in line.states[1:]), line.to_s]
-    for change, end_s in zip(line.states, ends, strict=True):
+    for change, end_s in zip(line.states, ends, strict=False):  # there may be no state
         if end_s < line.from_s or change.t_s > line.to_s:
             continue
         x0, x1 = line.x(max(change.t_s, line.from_s)), line.x(min(end_s, line.to_s))

@@ -28,7 +28,7 @@ def build_versions() -> dict[str, str]:
         "opencv": cv2.__version__,
         "python": platform.python_version(),
         "machine": platform.machine(),
-        "processor": _processor(),
+        "processor": processor_name(),
     }
 
 
@@ -43,11 +43,15 @@ def _source_digest() -> str:
     return digest.hexdigest()
 
 
-def _processor() -> str:
-    """Name of the processor: its instruction set decides on the last bits of some sums."""
+def processor_name(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """Name of the processor: its instruction set decides on the last bits of some sums.
+
+    Linux names ARM's by implementer and part, a part for each kind of core.
+    """
     try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+        lines = cpuinfo.read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor()
-    names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
-    return names[0] if names else platform.processor()
+    keys = ("model name", "CPU implementer", "CPU part")
+    names = dict.fromkeys(line.partition(":")[2].strip() for line in lines if line.startswith(keys))
+    return " ".join(names) or platform.processor()

@@ -64,7 +64,7 @@ class Recorder:
     ) -> None:
         self._folder = folder
         self._name = name
-        self._file_bytes = round(section.max_file_mb * MB)
+        self._file_bytes = round(min(section.max_file_mb, section.max_total_mb / 2) * MB)
         self._total_bytes = round(section.max_total_mb * MB)
         self._free_bytes = round(section.min_free_mb * MB)
         self._tick = tick
@@ -91,7 +91,7 @@ class Recorder:
 
     def open(self, header: SessionHeader, image: bytes) -> None:
         """Take the session header that holds for the frame records to come."""
-        if self._header is not None:
+        if self._header is not None and header.run != self._header[0].run:
             self._next_record = header.first_turn
         self._header = (header, image)
         self._translation = Translation(header)
@@ -144,7 +144,7 @@ class Recorder:
         except OSError as error:
             self._pause(f"{file.path}: {error.strerror}")
             return False
-        if file.size_bytes >= self._file_bytes:
+        if file.size_bytes >= self._file_bytes and not first:
             self._finish()
         return True
 

@@ -62,6 +62,7 @@ class FlightReplay:
     def __init__(self, trial: Trial) -> None:
         self._trial = trial
         self._rerunner: Rerunner | None = None
+        self._run: tuple[str, int] | None = None
         self._matcher: tuple[FlowSection, Matcher] | None = None
         self._build = build_versions()
         self._next_record = 0
@@ -73,7 +74,7 @@ class FlightReplay:
         return None if self._rerunner is None else self._rerunner.processed
 
     def open(self, header: SessionHeader, image: bytes) -> None:
-        """Build perception for the frame records to come.
+        """Build perception for the frame records to come; in the same run, go on to its goal.
 
         Raises
         ------
@@ -81,15 +82,14 @@ class FlightReplay:
             If settings or model cannot be used.
         """
         config = self._trial.applied_to(recorded_settings(header))
-        if header.first_turn == 0:
-            self._next_record = 0
         flow = config.flow
         model = perception_files(config)
         for reason in reasons_to_differ(header, config, model, self._build):
             self.reasons[reason] = None
-        if self._rerunner is not None and header.first_turn > 0:
+        if self._rerunner is not None and header.run == self._run:
             self._rerunner.set_goal(header, image, config)
             return
+        self._run, self._next_record = header.run, 0
         if self._matcher is None or self._matcher[0] != flow:
             self._matcher = (flow, flow_matcher(flow))
         depth = depth_network(config)

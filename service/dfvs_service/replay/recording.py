@@ -27,13 +27,12 @@ _BETWEEN_RUNS_NS = 1 * S
 class Run:
     """One run of the service in a recording, which holds several after a restart or a reboot.
 
-    ``opened_ns`` is its begin on its own monotonic ``clock``, ``unix_ns`` that in Unix time. In
-    times of the recording it begins at ``from_ns``, shortly after the end of the run before.
+    ``opened_ns`` is its begin on its own monotonic clock, ``unix_ns`` that in Unix time. In times
+    of the recording it begins at ``from_ns``, shortly after the end of the run before.
     """
 
     opened_ns: int = 0
     unix_ns: int = 0
-    clock: str = ""
     from_ns: int = 0
 
     @property
@@ -132,28 +131,21 @@ def _of_one_vehicle(entries: Iterable[Entry]) -> Iterator[Entry]:
 
 def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
     """Entries with the run that each belongs to."""
-    run: Run | None = None
-    end_ns: int | None = None
+    run, identity, end_ns = Run(), None, None
     for entry in entries:
         message = entry.message
         if isinstance(message, FrameRecord):
             end_ns = message.t_ns
-        elif run is None:
-            run = _run(message, 0)
-        elif message.clock != run.clock or (message.first_turn == 0 and end_ns is not None):
-            ended_ns = run.opened_ns if end_ns is None else end_ns
-            run, end_ns = _run(message, ended_ns - run.start_ns + _BETWEEN_RUNS_NS), None
-        yield entry if run is None else replace(entry, run=run)
-
-
-def _run(header: SessionHeader, from_ns: int) -> Run:
-    unix_ns = header.opened_ns + header.unix_offset_ns
-    return Run(header.opened_ns, unix_ns, header.clock, from_ns)
+        elif message.run != identity:
+            from_ns = 0 if end_ns is None else end_ns - run.start_ns + _BETWEEN_RUNS_NS
+            identity, end_ns = message.run, message.opened_ns
+            run = Run(end_ns, end_ns + message.unix_offset_ns, from_ns)
+        yield replace(entry, run=run)
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
-    """Files of a recording in the order of their names, a repaired copy after its original."""
-    return sorted(paths, key=lambda path: (path.parent, path.stem))
+    """Files in the order of their names, wherever they lie, a repaired copy after its original."""
+    return sorted(paths, key=lambda path: (path.stem, path.parent))
 
 
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
@@ -222,9 +214,11 @@ class StateLog:
 
     def __init__(self) -> None:
         self.changes: list[StateChange] = []
+        self._last: tuple[Run, str, int] | None = None
 
     def add(self, status: GateStatus, run: Run) -> None:
         """Take the gate's next status, of a run; a state is entered in the run at the earliest."""
-        if not self.changes or status.state != self.changes[-1].state:
+        last, self._last = self._last, (run, status.state, status.since_ns)
+        if self._last != last:
             t_s = run.seconds(max(status.since_ns, run.opened_ns))
             self.changes.append(StateChange(t_s, status.state, status.cause, ""))

@@ -17,7 +17,7 @@ BLACK_BOX, RECORDING = "black box", "recording"
 _LEAD_S = 3.0
 """A report shows so long before the vehicle was engaged, and after it was handed back."""
 _NEVER_ENGAGED_S = 60.0
-_ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
+ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,8 @@ class Flight:
     """A flight with its curves; times in s from ``start_ns`` (monotonic).
 
     ``settings`` and ``build`` are JSON; ``goals`` are the images (H, W, 3) RGB that were flown to,
-    each with its time. ``shown`` is the engagement that a report shows, from 1; 0 for the last.
+    each with its time. ``run_ends_s`` holds when runs of the service ended that another followed.
+    ``shown`` is the engagement that a report shows, from 1; 0 for the last.
     """
 
     summary: FlightSummary
@@ -56,14 +57,16 @@ class Flight:
     settings: str
     build: str
     goals: tuple[tuple[float, ImageArray], ...]
+    run_ends_s: tuple[float, ...] = ()
     shown: int = 0
 
     @property
     def engagements(self) -> tuple[Span, ...]:
         """From when to when the vehicle was engaged, each time; the last minute where never."""
         end_s, spans, since_s = self.summary.duration_s, [], None
-        changes = [(change.t_s, change.state in _ENGAGED) for change in self.summary.states]
-        for t_s, is_engaged in (*changes, (end_s, False)):
+        changes = [(change.t_s, change.state in ENGAGED) for change in self.summary.states]
+        changes += [(t_s, False) for t_s in self.run_ends_s]
+        for t_s, is_engaged in (*sorted(changes, key=lambda change: change[0]), (end_s, False)):
             if is_engaged and since_s is None:
                 since_s = t_s
             elif not is_engaged and since_s is not None:

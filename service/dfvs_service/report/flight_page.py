@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Page, Table, Video, View, render
-from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
+from dfvs_service.report.flight import BLACK_BOX, ENGAGED, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries, values_in
 from dfvs_service.report.thumbnails import collect
 from dfvs_service.report.video import VideoWriter
@@ -123,7 +123,7 @@ def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
     series, spans = flight.series, flight.engagements
     which = f", engagement {flight.shown or len(spans)} of {len(spans)}" if len(spans) > 1 else ""
     figures = [("time under control", f"{sum(to_s - from_s for from_s, to_s in spans):.1f} s")]
-    if not any(change.state == "ENGAGE" for change in flight.summary.states):
+    if not any(change.state in ENGAGED for change in flight.summary.states):
         figures = [("time under control", "none")]
     for name, samples, form, unit in (
         ("distance to the goal, estimated", series.error_m, ".3f", "m"),
@@ -233,7 +233,9 @@ def _faults(flight: Flight) -> Table:
         for c in flight.summary.states
         if c.state in _TROUBLE
     ]
-    shown = [f for f in (*left, *flight.series.faults) if flight.line.shows(f.from_s)]
+    from_s, to_s = flight.line.from_s, flight.line.to_s
+    faults = (*left, *flight.series.faults)
+    shown = [f for f in faults if f.from_s <= to_s and f.to_s >= from_s]
     rows = tuple(
         (f"{f.from_s:.2f}", f"{f.to_s - f.from_s:.2f}", str(f.count), f.text)
         for f in sorted(shown, key=lambda fault: fault.from_s)

@@ -95,6 +95,7 @@ class _Reader:
     def __init__(self) -> None:
         self._headers: list[SessionHeader] = []
         self._runs: list[Run] = []
+        self._run_ends_s: list[float] = []
         self._goals: list[tuple[float, ImageArray]] = []
         self._builder = SeriesBuilder(0)
         self._states = StateLog()
@@ -105,6 +106,7 @@ class _Reader:
     def open(self, header: SessionHeader, image: bytes, run: Run) -> None:
         if run not in self._runs:
             self._builder.set_start(run.start_ns)
+            self._run_ends_s.append(self._end_s)
             self._runs.append(run)
         self._headers.append(header)
         self._goals.append((run.seconds(header.opened_ns), decode_image(image)))
@@ -156,6 +158,7 @@ class _Reader:
             settings=json.dumps(last.settings, indent=1),
             build=json.dumps({"versions": first.build, "model": last.model}, indent=1),
             goals=tuple(self._goals),
+            run_ends_s=tuple(self._run_ends_s[1:]),
         )
 
 

@@ -19,6 +19,8 @@ Span = tuple[float, float]
 
 _GAP_S = 0.5
 """A longer time between two samples interrupts a curve."""
+_LEAST_LATENCY_MS = 0.1
+"""Latency of a frame that was stamped ahead of its time, since its plot is logarithmic."""
 _YAW_SPAN_S = 0.3
 """The yaw rate is the change of the heading over so long."""
 
@@ -163,7 +165,7 @@ class SeriesBuilder:
             error, spread = (_number(document.get(k)) for k in ("error_m", "error_spread_m"))
         except (KeyError, TypeError, ValueError, AttributeError):
             return
-        _append(self.series.latency_ms, t_s, latency_ms)
+        _append(self.series.latency_ms, t_s, max(latency_ms, _LEAST_LATENCY_MS))
         for name, value in stages.items():
             _append(self.series.stages_ms.setdefault(name, []), t_s, value)
         band = self.series.spread_m

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link, vehicle_namespace
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -43,7 +42,6 @@ def _parser() -> argparse.ArgumentParser:
         default="rmw",
         help="how ROS 2 comes to Zenoh: rmw_zenoh (default) or zenoh-bridge-ros2dds",
     )
-    parser.add_argument("--domain", type=int, default=0, metavar="N", help="ROS domain (rmw)")
     parser.add_argument(
         "--ros",
         metavar="ENDPOINT",
@@ -54,14 +52,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _relay(arguments: argparse.Namespace) -> int:
     stop, config = stop_event(), settings_from(arguments)
-    if not 0 <= arguments.domain <= 232:
-        raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
-    vehicle_namespace(config.vehicle.name)  # refused before any link is waited for
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
+    from dfvs_common.ros2 import typestore
     from dfvs_service.command import operators_zenoh
     from dfvs_service.ros2.relay import Relay
     from dfvs_service.zenoh_session import open_persistently
 
+    vehicle_namespace(config.vehicle.name)
+    typestore()  # both are refused before any link is waited for
     link: Ros2Link = arguments.link
     with contextlib.ExitStack() as stack:
         service = open_persistently(operators_zenoh(config.zenoh), stop.is_set, _log)
@@ -74,7 +72,7 @@ def _relay(arguments: argparse.Namespace) -> int:
             if other is None:
                 return EXIT_OK
             ros = stack.enter_context(other)
-        relay = Relay(config.vehicle.name, (service, ros), link, arguments.domain)
+        relay = Relay(config.vehicle.name, (service, ros), link, config.camera.ros2.domain)
         names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
         log(f"publishing {names}")
         stop.wait()

@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dfvs_common.ros2 import decode, typestore
 from dfvs_core.errors import WireError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import FrameHeader, encode_header
@@ -22,7 +23,6 @@ from dfvs_core.messages.ros2 import (
 from dfvs_service.frames import RawSample
 from dfvs_service.ros2.camera_info import camera_of
 from dfvs_service.ros2.images import Pixels, from_compressed, from_image
-from dfvs_service.ros2.messages import decode, typestore
 from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000

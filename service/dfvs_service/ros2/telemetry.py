@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_service.ros2.messages import header, make
+from dfvs_common.ros2 import header, make
 
 TWIST = "geometry_msgs/msg/TwistStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"

@@ -22,7 +22,7 @@ class Ros2CameraSection:
     topic: str = setting("camera/image_raw", "image topic, with its namespaces")
     compressed: bool = setting(False, "true: the topic carries CompressedImage, not Image")
     info_topic: str = setting("", "CameraInfo's topic; empty: camera_info beside the image topic")
-    domain: int = setting(0, "ROS domain (rmw_zenoh only)", low=0, high=232)
+    domain: int = setting(0, "ROS domain of camera and telemetry (rmw_zenoh only)", low=0, high=232)
 
 
 @dataclass(frozen=True, slots=True)

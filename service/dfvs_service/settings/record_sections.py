@@ -26,7 +26,10 @@ class RecordSection:
 
     folder: str = setting("", "where recordings go; empty: none are made")
     max_file_mb: float = setting(
-        1000.0, "size at which the next file of a recording begins, MB", low=1.0, high=100_000.0
+        1000.0,
+        "size at which the next file of a recording begins, MB; half of max_total_mb at most",
+        low=1.0,
+        high=100_000.0,
     )
     max_total_mb: float = setting(
         20_000.0,

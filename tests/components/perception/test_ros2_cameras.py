@@ -7,9 +7,9 @@ from ros2_samples import compressed_message, image_message, info_message
 from test_perception_process import CAMERA, Rig
 from textured_wall import Wall, texture
 
+from dfvs_common.ros2 import type_hash
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.messages.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Ros2Attachment, Ros2Topic
-from dfvs_service.ros2.messages import type_hash
 
 pytestmark = pytest.mark.real_time
 

@@ -74,10 +74,22 @@ def test_the_verdict_is_that_of_the_last_status(state, is_reached, verdict, tmp_
     assert summary.exit_code == (0 if is_reached else None)
 
 
-def heard(record, state, is_reached):
-    """Frame record whose statuses say that."""
-    statuses = [replace(status, state=state, reached=is_reached) for status in record.heard]
-    return replace(record, heard=tuple(statuses))
+def heard(record, state, is_reached=False, cause="tested"):
+    """Frame record whose statuses say that, of a state that was entered with it."""
+    said = {"state": state, "reached": is_reached, "cause": cause, "since_ns": record.t_ns}
+    return replace(record, heard=tuple(replace(status, **said) for status in record.heard))
+
+
+def test_a_state_of_another_run_has_its_own_cause_and_engagement(tmp_path):
+    events = []
+    for seed, cause in ((7, "perception silent"), (8, "goal lost")):
+        header, (record, data), *_ = fly(np.random.default_rng(seed), 1).events
+        events += [header, (heard(record, "HOLD", cause=cause), data)]
+        events.append((replace(record, number=1, heard=(), t_ns=record.t_ns + 10**9), data))
+    read = RecordedFlight([write_recording(tmp_path, events)]).read()
+    assert read.summary.verdict == "the recording ends in HOLD: goal lost"
+    assert [change.cause for change in read.summary.states] == ["perception silent", "goal lost"]
+    assert [to_s - from_s for from_s, to_s in read.engagements] == pytest.approx([1.0, 1.0])
 
 
 def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
@@ -114,6 +126,22 @@ def test_two_runs_of_the_service_follow_each_other_and_are_named(tmp_path):
     replayed = replay([path], Trial(), lambda _: None)
     assert list(replayed.times_s) == sorted(replayed.times_s)
     assert replayed.times_s[-1] > began_s
+
+
+def test_a_run_that_was_joined_after_a_change_of_goal_is_the_same_alone_and_after_another(tmp_path):
+    before = fly(np.random.default_rng(7), 5)
+    change, *records = fly(np.random.default_rng(8), 8, next_goal_at=5).events[6:]
+    assert change[0].first_turn == 5
+    files = [tmp_path / name for name in ("alone", "both")]
+    for folder, events in zip(files, ([], before.events), strict=True):
+        folder.mkdir()
+        write_recording(folder, [*events, change, *records])
+    alone, both = (replay([f / "flight-000.mcap"], Trial(), lambda _: None) for f in files)
+    assert both.reasons == alone.reasons
+    assert both.reasons == ("5 frame records before frame record 5 were not recorded",)
+    assert [f.report for f in both.frames][-len(alone.frames) :] == [f.report for f in alone.frames]
+    (several,) = RecordedFlight([files[1] / "flight-000.mcap"]).read().summary.told
+    assert several.startswith("the recording holds 2 runs of the service")
 
 
 def test_files_of_two_vehicles_are_refused_by_their_names(tmp_path):

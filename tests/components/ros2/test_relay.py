@@ -11,10 +11,10 @@ from loopback import free_endpoint, peer
 from waiting import until
 
 from dfvs_common.clock import local_clock
+from dfvs_common.ros2 import decode, type_hash
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.ros2 import decode_attachment
 from dfvs_core.messages.topics import Topics
-from dfvs_service.ros2.messages import decode, type_hash
 from dfvs_service.ros2.relay import Relay
 
 TOPICS = Topics("swift-2")

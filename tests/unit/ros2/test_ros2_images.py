@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from ros2_samples import STAMP_NS, compressed_message, image_message, info_message
 
+from dfvs_common.ros2 import type_hash
 from dfvs_core.errors import DfvsError, GeometryError, WireError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import decode_frame, decode_header
@@ -12,7 +13,6 @@ from dfvs_core.messages.image import encode_jpeg, encode_png
 from dfvs_core.messages.ros2 import Ros2Attachment
 from dfvs_service.frames import RawSample
 from dfvs_service.ros2.frame_source import ClockReading, Ros2FrameSource
-from dfvs_service.ros2.messages import type_hash
 from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000

@@ -1,9 +1,12 @@
 """Telemetry as ROS 2 messages, read back by a ROS library."""
 
+import contextlib
+
 import pytest
 
+from dfvs_common.ros2 import decode, encode
+from dfvs_core.errors import ConfigError
 from dfvs_service.ros2.cli import main
-from dfvs_service.ros2.messages import decode, encode
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
     IMAGE,
@@ -83,3 +86,13 @@ def test_the_preview_is_passed_on_untouched():
 def test_a_vehicle_whose_name_ros_2_does_not_allow_is_refused_at_the_start(refused):
     error = refused(main, "--vehicle", "7", "--set", "zenoh.connect=['tcp/127.0.0.1:1']")
     assert "vehicle name '7' with ROS 2; expected a name that begins with a letter" in error
+
+
+def test_telemetry_goes_to_the_ros_domain_of_the_settings(monkeypatch, refused):
+    def relay(_vehicle, _sessions, _link, domain):
+        raise ConfigError(f"domain {domain}")
+
+    session = contextlib.nullcontext()
+    monkeypatch.setattr("dfvs_service.zenoh_session.open_persistently", lambda *_: session)
+    monkeypatch.setattr("dfvs_service.ros2.relay.Relay", relay)
+    assert "domain 5" in refused(main, "--set", "camera.ros2.domain=5")
