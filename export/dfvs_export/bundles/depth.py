@@ -114,6 +114,8 @@ class DepthModel:
             raise ConfigError(f"--from for {name}", "--checkpoint FILE")
         if weights.checkpoint is not None and name == ANYTHING:
             raise ConfigError(f"--checkpoint for {name}", "--from FOLDER")
+        if weights.sha256 is not None and (name == OWN or weights.is_random):
+            raise ConfigError(f"--sha256 for {name}", "it beside the file of published weights")
         torch.manual_seed(_SEED)
         if name == OWN:
             own = load_depth_weights(weights.checkpoint)

@@ -197,6 +197,8 @@ def test_a_package_that_is_missing_is_named_in_one_line(
     ("words", "said"),
     [
         ("--model dfvs-depth --checkpoint no.pt", "no weights at no.pt"),
+        ("--model dfvs-depth --sha256 abc", "--sha256 for dfvs-depth; expected it beside"),
+        ("--model densedepth --sha256 abc", "--sha256 for densedepth; expected it beside"),
         ("--model densedepth --size 100x100", "multiples of 32"),
         ("--model densedepth --from .", "--from for densedepth"),
         ("--model densedepth --checkpoint nowhere.pt", "cannot be read"),
