@@ -10,6 +10,7 @@ from dfvs_bench.basin.cells import Cell
 from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, DrawRequest, draw
 from dfvs_bench.trials.documents import read_document, write_document
 from dfvs_bench.trials.executor import TrialExecutor
+from dfvs_bench.trials.provenance import file_digest
 from dfvs_bench.trials.results import TrialRecord, read_record
 from dfvs_bench.trials.task import same_poses
 from dfvs_core.geometry.camera import CameraModel
@@ -46,7 +47,7 @@ class DrawnEnvironment:
     def to_draw(cls, request: DrawRequest) -> DrawnEnvironment:
         """Describe what a request draws from."""
         place = request.environment
-        head = place.name, place.digest(), place.camera
+        head = place.name, file_digest(place.scene), place.camera
         return cls(*head, request.cells, request.count, request.seed, DRAWING_VERSION)
 
 
