@@ -14,6 +14,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
+from dfvs_core.messages.schema import dump, parse
 from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import depth_accuracy, model_card
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
@@ -28,7 +29,6 @@ OWN = "dfvs-depth"
 _SEED = 0
 _LEAST_RANGE = 0.01
 """Range of an output over its size, below which differences are of rounding."""
-_LEAST_SPREAD, _MOST_SPREAD = 0.001, 10.0
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet's images."""
 _ABOUT = """\
@@ -54,14 +54,6 @@ class Spreads:
 
     local: float = 0.3
     scale: float = 0.2
-
-    def __post_init__(self) -> None:
-        """Refuse what no manifest may state."""
-        for option, value in (("spread", self.local), ("scale-spread", self.scale)):
-            if not _LEAST_SPREAD <= value <= _MOST_SPREAD:
-                raise ConfigError(
-                    f"--{option} is {value:g}", f"{_LEAST_SPREAD:g} to {_MOST_SPREAD:g}"
-                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +121,7 @@ class DepthModel:
         Raises
         ------
         ConfigError
-            If the network takes no images of this size.
+            If the network takes no images of this size, or a manifest no such spread.
         ModelError
             If torch cannot trace it.
         """
@@ -139,6 +131,7 @@ class DepthModel:
             raise ConfigError(f"size {width}x{height}", f"multiples of {kind.multiple}")
         if self.name == OWN and (width, height) != kind.size:
             raise ConfigError(f"size {width}x{height}", f"{kind.size[0]}x{kind.size[1]} for {OWN}")
+        depth = parse(DepthOutput, dump(self._output(kind, spreads)), "depth")
         names: TensorNames = (
             ("image", "focal")[: 2 if self.name == OWN else 1],
             ("depth", "spread")[: 2 if kind.estimates_spread else 1],
@@ -150,7 +143,6 @@ class DepthModel:
         if kind.is_normalised:
             images = replace(images, mean=_MEAN, std=_STD)
         source = Source(self.name, self.origin, kind.licence)
-        depth = self._output(kind, spreads)
         return make_bundle("mono", {"mono": (onnx, names)}, images, source, depth=depth)
 
     def _output(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
