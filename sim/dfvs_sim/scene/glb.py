@@ -142,7 +142,9 @@ def _placed_meshes(gltf: dict[str, Any]) -> Iterator[tuple[FloatArray, dict[str,
     """Walk the node tree: (matrix (4, 4) to the scene, mesh) of every mesh in it."""
     nodes = gltf.get("nodes", [])
     scenes = gltf.get("scenes")
-    roots = scenes[gltf.get("scene", 0)].get("nodes", []) if scenes else list(range(len(nodes)))
+    children = {c for node in nodes for c in node.get("children", [])}
+    orphans = [k for k in range(len(nodes)) if k not in children]
+    roots = scenes[gltf.get("scene", 0)].get("nodes", []) if scenes else orphans
     stack = [(np.eye(4), int(k), 0) for k in roots]
     while stack:
         parent, k, generation = stack.pop()

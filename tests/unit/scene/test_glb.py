@@ -68,6 +68,14 @@ class TestAFileByHand:
         expected = [(10, 7, 0), (8, 5, 0), (10, 5, 2)]
         np.testing.assert_allclose(points_of(loaded(file, tmp_path))[0], expected, atol=1e-6)
 
+    def test_draws_each_node_once_where_the_file_names_no_scene(self, tmp_path):
+        file = GlbFile()
+        file.triangle(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        file.json["nodes"] = [{"mesh": 0}, {"children": [0], "translation": [10, 0, 0]}]
+        del file.json["scenes"], file.json["scene"]
+        expected = [[(11, 0, 0), (10, 1, 0), (10, 0, 1)]]
+        np.testing.assert_allclose(points_of(loaded(file, tmp_path)), expected, atol=1e-6)
+
     def test_draws_a_mesh_once_for_every_node_that_has_it(self, tmp_path):
         file = GlbFile()
         file.triangle()
