@@ -260,3 +260,27 @@ def test_materials_that_cannot_be_drawn_are_named_in_one_warning(tmp_path, capsy
     assert line.startswith("warning: ")
     assert "TEXCOORD" in line
     assert "KHR_materials_pbrSpecularGlossiness" in line
+
+
+@pytest.mark.parametrize(
+    "glass",
+    [
+        {"alphaMode": "BLEND"},
+        {"alphaMode": "MASK"},
+        {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}},
+    ],
+)
+def test_transparency_that_is_drawn_opaque_is_named(tmp_path, capsys, glass):
+    file = GlbFile()
+    file.json["materials"].append(glass)
+    file.triangle(material=0)
+    loaded(file, tmp_path)
+    assert "transparency" in capsys.readouterr().err
+
+
+def test_an_opaque_material_is_no_reason_to_warn(tmp_path, capsys):
+    file = GlbFile()
+    file.json["materials"].append({"alphaMode": "OPAQUE"})
+    file.triangle(material=0)
+    loaded(file, tmp_path)
+    assert capsys.readouterr().err == ""
