@@ -262,6 +262,14 @@ def test_materials_that_cannot_be_drawn_are_named_in_one_warning(tmp_path, capsy
     assert "KHR_materials_pbrSpecularGlossiness" in line
 
 
+def test_a_texture_of_too_many_bytes_comes_with_the_remedy(tmp_path):
+    file = GlbFile()
+    file.picture(bytes(2**25 + 1))
+    file.triangle()
+    with pytest.raises(GlbError, match="expected at most 33554432; save it as JPEG"):
+        loaded(file, tmp_path)
+
+
 @pytest.mark.parametrize(
     "glass",
     [
