@@ -26,6 +26,8 @@ from dfvs_sim.scene.mesh import Int32Array, Scene, SceneError
 from dfvs_sim.scene.texture import Texture, Wrap
 
 MAX_TEXTURE_PIXELS = 8192 * 8192
+_FAR_M = 2000.0
+"""Reach of a scene above which single precision is felt, or its unit is not the metre."""
 _MAGIC, _JSON_CHUNK, _BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _SUPPORTED = frozenset({"KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform"})
@@ -75,6 +77,11 @@ def load_glb(path: str | Path) -> Scene:
         ) from error
     if ignored:
         warn(f"scene {path}: ignored {' and '.join(ignored)}; what has it is drawn plain")
+    if (reach_m := np.abs(scene.vertices).max()) > _FAR_M:
+        warn(
+            f"scene {path} reaches {reach_m:.0f} m from its origin, where positions are rounded to"
+            f" {1e3 * np.spacing(reach_m):.1f} mm; move it to the origin, in metres"
+        )
     return scene
 
 

@@ -271,6 +271,17 @@ def test_a_texture_of_too_many_bytes_comes_with_the_remedy(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "node", [{"translation": [5e5, 0, 4e6]}, {"scale": [3e3, 3e3, 3e3]}], ids=["UTM", "mm"]
+)
+def test_a_scene_that_reaches_far_from_its_origin_is_warned_about(tmp_path, capsys, node):
+    file = GlbFile()
+    file.triangle()
+    file.json["nodes"][0] |= node
+    loaded(file, tmp_path)
+    assert "move it to the origin, in metres" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     "glass",
     [
         {"alphaMode": "BLEND"},
