@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.progress import warn
-from dfvs_core.errors import DfvsError, ImageError
+from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.image import decode_image
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb_accessor import Document, read_accessor, read_view
 from dfvs_sim.scene.glb_material import Material, ignored_features, material_of
-from dfvs_sim.scene.mesh import Int32Array, Scene, SceneError
+from dfvs_sim.scene.mesh import Int32Array, Scene
 from dfvs_sim.scene.texture import Texture, Wrap
 
 MAX_TEXTURE_PIXELS = 8192 * 8192
@@ -67,10 +67,8 @@ def load_glb(path: str | Path) -> Scene:
     try:
         document = _parse(data)
         scene, ignored = _scene(document), ignored_features(document.json)
-    except GlbError as error:
+    except DfvsError as error:
         raise GlbError(f"scene {path}: {error.problem}", error.expected, error.remedy) from error
-    except (ImageError, SceneError) as error:
-        raise GlbError(f"scene {path}: {error}") from error
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise GlbError(
             f"scene {path} is damaged ({type(error).__name__}: {error})", "a valid glTF 2.0 binary"
