@@ -45,18 +45,6 @@ _LIMITS = """\
 
 
 @dataclass(frozen=True, slots=True)
-class Spreads:
-    """Standard deviations of the logarithm of depth that a manifest states.
-
-    ``local`` is that of a network that does not estimate its own, ``scale`` that of a metric
-    network's whole scale.
-    """
-
-    local: float = 0.3
-    scale: float = 0.2
-
-
-@dataclass(frozen=True, slots=True)
 class _Kind:
     """What is known of a network by its name: it gives inverse depth in ``unit``.
 
@@ -115,8 +103,13 @@ class DepthModel:
             return cls(name, own.network(), origin, own.training)
         return cls(name, LOADERS[name](weights).eval(), f"{name}, {weights.origin}")
 
-    def bundle(self, size: tuple[int, int] | None, spreads: Spreads) -> Bundle:
+    def bundle(
+        self, size: tuple[int, int] | None, spread: float = 0.3, scale_spread: float = 0.2
+    ) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px, or of the network's own.
+
+        The manifest states standard deviations of the logarithm of depth: ``spread`` of a network
+        that does not estimate its own, ``scale_spread`` of a metric network's whole scale.
 
         Raises
         ------
@@ -131,7 +124,7 @@ class DepthModel:
             raise ConfigError(f"size {width}x{height}", f"multiples of {kind.multiple}")
         if self.name == OWN and (width, height) != kind.size:
             raise ConfigError(f"size {width}x{height}", f"{kind.size[0]}x{kind.size[1]} for {OWN}")
-        depth = parse(DepthOutput, dump(self._output(kind, spreads)), "depth")
+        depth = parse(DepthOutput, dump(self._output(kind, spread, scale_spread)), "depth")
         names: TensorNames = (
             ("image", "focal")[: 2 if self.name == OWN else 1],
             ("depth", "spread")[: 2 if kind.estimates_spread else 1],
@@ -145,11 +138,11 @@ class DepthModel:
         source = Source(self.name, self.origin, kind.licence)
         return make_bundle("mono", {"mono": (onnx, names)}, images, source, depth=depth)
 
-    def _output(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
-        local = None if kind.estimates_spread else spreads.local
+    def _output(self, kind: _Kind, spread: float, scale_spread: float) -> DepthOutput:
+        local = None if kind.estimates_spread else spread
         if isinstance(self.module, DepthAnything) and self.module.is_metric:
-            return DepthOutput("depth", "m", kind.stride, local, spreads.scale)
-        scale = spreads.scale if kind.unit == "1/m" else None
+            return DepthOutput("depth", "m", kind.stride, local, scale_spread)
+        scale = scale_spread if kind.unit == "1/m" else None
         return DepthOutput("inverse-depth", kind.unit, kind.stride, local, scale)
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:

@@ -1,7 +1,6 @@
 """What ``dfvs-export check`` does."""
 
 import argparse
-import io
 import json
 from collections import Counter
 from collections.abc import Mapping
@@ -72,7 +71,7 @@ def operators(contents: Mapping[str, bytes]) -> Counter[str]:
     for name, data in contents.items():
         if not name.endswith(".onnx"):
             continue
-        model = onnx.load_model(io.BytesIO(data))
+        model = onnx.load_model_from_string(data)
         try:
             onnx.checker.check_model(model)
         except onnx.checker.ValidationError as error:
