@@ -12,6 +12,7 @@ from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.schema import dump, parse
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
@@ -57,7 +58,8 @@ class Servo:
     ImageError
         If the goal image is not (H, W, 3) uint8 or not of its camera's size.
     ConfigError
-        If ``config.depth`` names a source of depth that is not available here.
+        If a value of ``config`` is out of its range or none of its choices, or its ``depth`` is
+        not available here.
 
     Examples
     --------
@@ -83,7 +85,8 @@ class Servo:
         if not isinstance(goal, Goal):
             goal = Goal(goal, GoalSidecar(camera, mount=mount or Mount()))
         goal.sidecar.camera.check_size(goal.image, "the goal image")
-        self._task = ServoTask(config or ServoConfig(), camera, goal.sidecar, mount)
+        config = parse(ServoConfig, dump(config or ServoConfig()), "servo")
+        self._task = ServoTask(config, camera, goal.sidecar, mount)
         if self._task.config.depth == "given":
             raise ConfigError("servo.depth = 'given' without depth", "'motion' or 'constant'")
         self._pipeline = Pipeline(self._task, matcher, goal, lambda: self._now_ns)

@@ -90,7 +90,8 @@ def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
         If the image is too large, damaged, or not PNG or JPEG.
     """
     if len(data) > MAX_IMAGE_BYTES:
-        raise ImageError(f"image of {len(data)} bytes", f"at most {MAX_IMAGE_BYTES}")
+        remedy = "save it as JPEG, or with fewer pixels"
+        raise ImageError(f"image of {len(data)} bytes", f"at most {MAX_IMAGE_BYTES}", remedy)
     width, height = image_size(data)
     if width < 1 or height < 1 or width * height > max_pixels:
         raise ImageError(f"image of {width} x {height} px", f"at most {max_pixels} px in all")

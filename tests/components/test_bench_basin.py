@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import pytest
 from distributed import LocalCluster
@@ -80,6 +81,16 @@ def test_a_broken_run_goes_on_with_the_same_tasks_on_a_cluster(folder, capsys):
     assert f"{len(before) - 1} trials are in" in told
     assert "[1/1" in told
     assert {o.drawn.name: o.record.trial for o in read_outcomes(folder / "runs")} == before
+
+
+def test_trials_of_tasks_that_another_call_replaced_are_counted_aloud(folder, tmp_path, capsys):
+    runs = shutil.copytree(folder / "runs", tmp_path / "runs")
+    document = json.loads((runs / "basin.json").read_text())
+    document["environments"][0]["tasks"] = document["environments"][0]["tasks"][:1]
+    (runs / "basin.json").write_text(json.dumps(document))
+    assert len(read_outcomes(runs)) == 1
+    others = len(list(runs.glob("*--*.json"))) - 1
+    assert f"{others} trials in {runs} are of other tasks" in capsys.readouterr().err
 
 
 def test_the_report_shows_it_beside_the_paper_s(folder):

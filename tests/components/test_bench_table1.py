@@ -18,6 +18,7 @@ from dfvs_bench.trials import provenance
 from dfvs_bench.trials.results import fits, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.settings import wall
+from dfvs_bench.trials.tables import row
 from dfvs_bench.trials.task import BenchTask, read_tasks, write_tasks
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
@@ -68,6 +69,7 @@ def test_a_row_by_a_depth_network_is_made_with_its_bundle(folder, tmp_path):
     record = one_row(folder, tmp_path / "runs", "fused-depth", "--depth-bundle", str(depth))
     task = read_tasks(folder / "tasks.json")[0]
     made_of = task, record.matcher, record.most_iterations
+    assert record.network == row(record)["network"] == str(depth)
     assert fits(record, *made_of, str(depth))
     other = write_bundle(tmp_path / "other", bundle(np.full((60, 80), 0.4)))
     assert not fits(record, *made_of, str(other))

@@ -1,6 +1,5 @@
 """The sixteen environments that a batch of trials is spread over."""
 
-import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -45,19 +44,6 @@ class Environment:
     scene: Path
     camera: CameraModel
     most_empty: float = 1.0
-
-    def digest(self) -> str:
-        """SHA-256 of the scene's file.
-
-        Raises
-        ------
-        ConfigError
-            If it cannot be read.
-        """
-        try:
-            return hashlib.sha256(self.scene.read_bytes()).hexdigest()
-        except OSError as error:
-            raise ConfigError(f"scene {self.scene} cannot be read ({error.strerror})") from error
 
 
 def default_environments() -> list[Environment]:

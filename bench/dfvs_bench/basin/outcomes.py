@@ -10,8 +10,10 @@ from dfvs_bench.basin.cells import Cell
 from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, DrawRequest, draw
 from dfvs_bench.trials.documents import read_document, write_document
 from dfvs_bench.trials.executor import TrialExecutor
+from dfvs_bench.trials.provenance import file_digest
 from dfvs_bench.trials.results import TrialRecord, read_record
 from dfvs_bench.trials.task import same_poses
+from dfvs_common.progress import log
 from dfvs_core.geometry.camera import CameraModel
 
 BASIN_FILE = "basin.json"
@@ -46,7 +48,7 @@ class DrawnEnvironment:
     def to_draw(cls, request: DrawRequest) -> DrawnEnvironment:
         """Describe what a request draws from."""
         place = request.environment
-        head = place.name, place.digest(), place.camera
+        head = place.name, file_digest(place.scene), place.camera
         return cls(*head, request.cells, request.count, request.seed, DRAWING_VERSION)
 
 
@@ -100,7 +102,7 @@ def _draw_named(request: DrawRequest) -> tuple[str, tuple[DrawnTask, ...]]:
 
 
 def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) -> list[Outcome]:
-    """Trials of the tasks that a folder holds, whatever their method.
+    """Trials of the tasks that a folder holds, whatever their method; others are counted aloud.
 
     Parameters
     ----------
@@ -119,12 +121,15 @@ def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) ->
     if records is None:
         records = [read_record(path) for path in sorted(folder.glob("*--*.json"))]
     found = [(tasks.get(record.task), record) for record in records]
-    return [
+    outcomes = [
         Outcome(*known, record)
         for known, record in found
         # made from these very poses, and not from another seed's
         if known and same_poses((record.start, record.goal), (known[0].start, known[0].goal))
     ]
+    if left := len(records) - len(outcomes):
+        log(f"{left} trials in {folder} are of other tasks than {BASIN_FILE} has: left out")
+    return outcomes
 
 
 def _read(path: Path) -> BasinTasks:

@@ -41,7 +41,8 @@ A trial starts somewhere in free space, displaced from the goal by a translation
 set, and converges if it ends within 4 cm and 1 degree. A batch is {BATCH} rooms from seeds, made
 on the first call (minutes); --tasks takes scenes and intrinsics of a task file instead. Ratios
 are given twice: over all tasks, and over as many tasks whose start sees {LEAST_OVERLAP:.0%} of the
-goal's pixels. --resume keeps the tasks and trials in --runs.
+goal's pixels. --resume keeps the tasks and trials in --runs. A call for other cells or scenes
+replaces the tasks there, and the trials of the former ones no longer count.
 """
 
 

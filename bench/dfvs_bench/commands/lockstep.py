@@ -19,6 +19,7 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.messages.goal import Mount
+from dfvs_core.messages.schema import dump
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
@@ -28,6 +29,11 @@ from dfvs_sim.scene import builtin_room_path
 
 _LIMITS = VelocityLimits()
 _DEPTHS = ("motion", "network", "fused", "flow", "constant")
+_SETTINGS = (
+    *("matcher", "depth", "depth_bundle", "mounted_deg", "upside_down"),
+    *("speed", "slew", "hold", "timeout"),
+)
+"""Options that the file of --json repeats, beside scene and conditions."""
 _EPILOG = """examples:
   dfvs-bench lockstep --seeds 1000-1199 --workers 2 --json flights.json --plot calibration.png
   dfvs-bench lockstep --seeds 1000-1019 --estimate high --mounted-deg 180
@@ -73,7 +79,7 @@ def add_parser(subparsers: Any) -> None:
     add("--timeout", type=float, default=60.0, metavar="S", help="give up a flight after so long")
     add("--workers", type=int, default=1, metavar="N", help="processes")
     add_condition_options(parser)
-    add("--json", type=Path, metavar="FILE", help="write summary and flights")
+    add("--json", type=Path, metavar="FILE", help="write settings, summary and flights")
     add("--plot", type=Path, metavar="FILE", help="draw the calibration of the distance")
     parser.set_defaults(run=run)
 
@@ -99,7 +105,10 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         names = [n for n in SimulatedFlight.__slots__ if not n.startswith("distance_")]
         rows = [{name: getattr(flight, name) for name in names} for flight in flights]
-        write_json(args.json, {"made_with": made_with(), "summary": summary, "flights": rows})
+        settings = {name: getattr(args, name) for name in _SETTINGS}
+        settings |= {"scene": str(jobs[0].scene)} | dump(conditions_from(args))
+        facts = {"made_with": made_with(), "settings": settings}
+        write_json(args.json, facts | {"summary": summary, "flights": rows})
     if args.plot is not None:
         plot_calibration(flights, args.plot)
     return 0
@@ -133,13 +142,12 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
     parser = argparse.ArgumentParser()
     vehicle.add_options(parser)
     config = vehicle.config_from_args(parser.parse_args(conditions.words)).vehicle
-    scene = Path(args.scene) if args.scene else builtin_room_path()
     roll_rad = math.pi if args.upside_down else 0.0
     mounted = Mount(roll_rad=roll_rad, yaw_rad=math.radians(args.mounted_deg))
     return [
         SimulatedJob(
             seed=seed,
-            scene=scene,
+            scene=args.scene or builtin_room_path(),
             vehicle=config,
             matcher=args.matcher,
             timeout_s=args.timeout,

@@ -68,6 +68,7 @@ def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
         are_ours=_are_default(contents.tasks),
         sizes=sorted({*(tuple(r.size) for r in trials), *(tuple(f.size) for f in flights)}),
         matchers=sorted({*(r.matcher for r in trials), *(f.matcher for f in flights)}),
+        networks=sorted({r.network for r in trials} - {""}),
         sections=sections,
         columns=PAPER_COLUMNS,
         scenes=paper_scenes(),

@@ -76,17 +76,24 @@ def input_digest(
         If one of them cannot be read.
     """
     parts = {
-        "scene": _file_digest(task.scene),
+        "scene": file_digest(task.scene),
         "intrinsics": dump(task.camera),
         "matcher": _matcher_digest(matcher),
-        "config": "" if config is None else _file_digest(config),
+        "config": "" if config is None else file_digest(config),
     }
     if network is not None:
         parts["network"] = _matcher_digest(network)
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _file_digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, which is read again only where it was changed.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
+    """
     try:
         return _digest_of(path, path.stat().st_mtime_ns)
     except OSError as error:

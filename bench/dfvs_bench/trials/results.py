@@ -18,7 +18,7 @@ class TrialRecord:
     Parameters
     ----------
     task, difficulty, method, matcher : str
-        What was tried with what.
+        What was tried with what; ``matcher`` is given to every method, whether it uses it or not.
     most_iterations : int
         Frames that the method was given.
     start, goal : tuple of float
@@ -28,7 +28,7 @@ class TrialRecord:
     version, revision : str
         Of the program.
     inputs : str
-        Hash of scene, intrinsics and matcher; see ``input_digest``.
+        Hash of scene, intrinsics and models; see ``input_digest``.
     seed : int or None
         That the scene and the task were drawn from, where they were.
     seconds : float
@@ -39,6 +39,8 @@ class TrialRecord:
         Name of the perturbation between goal image and flight; empty where there is none.
     median_depth_m : float or None
         Of the goal view, unperturbed.
+    network : str
+        Bundle of the depth or pose network that the method needs; empty where it needs none.
     """
 
     task: str
@@ -57,6 +59,7 @@ class TrialRecord:
     seed: int | None = None
     perturbation: str = ""
     median_depth_m: float | None = None
+    network: str = ""
 
     @property
     def initial_error(self) -> tuple[float, float]:

@@ -134,6 +134,7 @@ def _make_trial(job: Job) -> TrialRecord:
         seed=job.task.seed,
         perturbation=job.condition,
         median_depth_m=median_depth_m(goal.depth),
+        network=job.network or "",
     )
 
 

@@ -26,6 +26,7 @@ def row(record: TrialRecord) -> dict[str, Any]:
         "method": record.method,
         "perturbation": record.perturbation,
         "matcher": record.matcher,
+        "network": record.network,
         "initial_translation_m": round(distance_m, _DIGITS),
         "initial_rotation_deg": round(math.degrees(angle_rad), _DIGITS),
         "translation_m": round(trial.final.distance_m, _DIGITS),

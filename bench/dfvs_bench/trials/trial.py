@@ -135,7 +135,8 @@ def run_trial(
     Raises
     ------
     DfvsError
-        If the method decides on a motion that is no pose, or an error that is no number.
+        If the method decides on a motion that is no pose, an error that is no number, or to give
+        up without saying why.
     """
     T = task.T_world_start
     steps: list[Step] = []
@@ -168,8 +169,10 @@ def true_depth(view: View) -> DepthMap:
 
 
 def _checked(decision: Decision, method: ServoMethod) -> Decision:
-    """Decision with plain numbers, which a record can hold."""
+    """Decision with plain numbers and a text, which a record can hold."""
     name = type(method).__name__
+    if not isinstance(decision.lost, str):
+        raise ConfigError(f"lost of {name} is {decision.lost!r}", "why it gives up, or ''")
     try:
         T_current_next = check_pose(decision.T_current_next, f"T_current_next of {name}")
     except (TypeError, ValueError) as error:

@@ -14,6 +14,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
+from dfvs_core.messages.schema import dump, parse
 from dfvs_export.bundles.bundle import Source, make_bundle
 from dfvs_export.bundles.card import depth_accuracy, model_card
 from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
@@ -28,7 +29,6 @@ OWN = "dfvs-depth"
 _SEED = 0
 _LEAST_RANGE = 0.01
 """Range of an output over its size, below which differences are of rounding."""
-_LEAST_SPREAD, _MOST_SPREAD = 0.001, 10.0
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet's images."""
 _ABOUT = """\
@@ -42,26 +42,6 @@ _LIMITS = """\
 - The size of things: its scale is a guess from what rooms are like, which motion corrects.
 - Mirrors, glass and the open sky."""
 """Of our own network: those of a published one are not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spreads:
-    """Standard deviations of the logarithm of depth that a manifest states.
-
-    ``local`` is that of a network that does not estimate its own, ``scale`` that of a metric
-    network's whole scale.
-    """
-
-    local: float = 0.3
-    scale: float = 0.2
-
-    def __post_init__(self) -> None:
-        """Refuse what no manifest may state."""
-        for option, value in (("spread", self.local), ("scale-spread", self.scale)):
-            if not _LEAST_SPREAD <= value <= _MOST_SPREAD:
-                raise ConfigError(
-                    f"--{option} is {value:g}", f"{_LEAST_SPREAD:g} to {_MOST_SPREAD:g}"
-                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +94,8 @@ class DepthModel:
             raise ConfigError(f"--from for {name}", "--checkpoint FILE")
         if weights.checkpoint is not None and name == ANYTHING:
             raise ConfigError(f"--checkpoint for {name}", "--from FOLDER")
+        if weights.sha256 is not None and (name == OWN or weights.is_random):
+            raise ConfigError(f"--sha256 for {name}", "it beside the file of published weights")
         torch.manual_seed(_SEED)
         if name == OWN:
             own = load_depth_weights(weights.checkpoint)
@@ -121,13 +103,18 @@ class DepthModel:
             return cls(name, own.network(), origin, own.training)
         return cls(name, LOADERS[name](weights).eval(), f"{name}, {weights.origin}")
 
-    def bundle(self, size: tuple[int, int] | None, spreads: Spreads) -> Bundle:
+    def bundle(
+        self, size: tuple[int, int] | None, spread: float = 0.3, scale_spread: float = 0.2
+    ) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px, or of the network's own.
+
+        The manifest states standard deviations of the logarithm of depth: ``spread`` of a network
+        that does not estimate its own, ``scale_spread`` of a metric network's whole scale.
 
         Raises
         ------
         ConfigError
-            If the network takes no images of this size.
+            If the network takes no images of this size, or a manifest no such spread.
         ModelError
             If torch cannot trace it.
         """
@@ -137,6 +124,7 @@ class DepthModel:
             raise ConfigError(f"size {width}x{height}", f"multiples of {kind.multiple}")
         if self.name == OWN and (width, height) != kind.size:
             raise ConfigError(f"size {width}x{height}", f"{kind.size[0]}x{kind.size[1]} for {OWN}")
+        depth = parse(DepthOutput, dump(self._output(kind, spread, scale_spread)), "depth")
         names: TensorNames = (
             ("image", "focal")[: 2 if self.name == OWN else 1],
             ("depth", "spread")[: 2 if kind.estimates_spread else 1],
@@ -148,14 +136,13 @@ class DepthModel:
         if kind.is_normalised:
             images = replace(images, mean=_MEAN, std=_STD)
         source = Source(self.name, self.origin, kind.licence)
-        depth = self._output(kind, spreads)
         return make_bundle("mono", {"mono": (onnx, names)}, images, source, depth=depth)
 
-    def _output(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
-        local = None if kind.estimates_spread else spreads.local
+    def _output(self, kind: _Kind, spread: float, scale_spread: float) -> DepthOutput:
+        local = None if kind.estimates_spread else spread
         if isinstance(self.module, DepthAnything) and self.module.is_metric:
-            return DepthOutput("depth", "m", kind.stride, local, spreads.scale)
-        scale = spreads.scale if kind.unit == "1/m" else None
+            return DepthOutput("depth", "m", kind.stride, local, scale_spread)
+        scale = scale_spread if kind.unit == "1/m" else None
         return DepthOutput("inverse-depth", kind.unit, kind.stride, local, scale)
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:

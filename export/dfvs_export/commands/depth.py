@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from dfvs_common.progress import log
 from dfvs_export.bundles.bundle import check_free, write_bundle
-from dfvs_export.bundles.depth import OWN, DepthModel, Spreads
+from dfvs_export.bundles.depth import OWN, DepthModel
 from dfvs_export.commands.comparison import (
     agrees_with_torch,
     calibration_frames,
@@ -32,10 +32,9 @@ def run_depth(arguments: argparse.Namespace) -> int:
     size = network_size(arguments.size, 2) if arguments.size else None
     check_free(arguments.out)
     check_calibration(arguments)
-    spreads = Spreads(arguments.spread, arguments.scale_spread)
     model = named_depth_model(arguments)
     log(f"tracing {arguments.model}")
-    bundle = model.bundle(size, spreads)
+    bundle = model.bundle(size, arguments.spread, arguments.scale_spread)
     if not agrees_with_torch(model, bundle, " of the range"):
         return 1
     if arguments.precision == "int8":

@@ -60,7 +60,7 @@ def add_parser(subparsers: Any) -> None:
     add("--format", choices=("eval", "wide"), default="eval", help="default: eval")
     add("--count", type=int, required=True, metavar="N", help="pairs (wide: of each room)")
     add("--seed", type=int, required=True, help="decides the views")
-    add("--out", type=Path, required=True, help="evaluation file (.npz), or folder of pairs")
+    add("--out", type=Path, required=True, help="evaluation file (.npz), or folder to add to")
     add("--json", action="store_true", help="print what was written as JSON")
     parser.set_defaults(run=run)
 
@@ -154,7 +154,7 @@ def _seeds(words: str) -> range:
 
 
 def _write_wide(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:
-    """Write a file of wide-baseline pairs for each room; those that exist are kept.
+    """Write a file of wide-baseline pairs for each room; those that exist are kept and counted.
 
     A room without any pair gets no file, and is named.
     """
@@ -162,6 +162,8 @@ def _write_wide(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{args.out} cannot be made ({error})", "a folder") from error
+    if kept := sum((args.out / f"{name}.npz").exists() for name in scenes):
+        log(f"{kept} files in {args.out} are kept as they are: name a new folder for others")
     written: dict[Path, int] = {}
     without = []
     started = time.monotonic()

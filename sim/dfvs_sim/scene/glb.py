@@ -15,17 +15,19 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.progress import warn
-from dfvs_core.errors import DfvsError, ImageError
+from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.image import decode_image
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb_accessor import Document, read_accessor, read_view
 from dfvs_sim.scene.glb_material import Material, ignored_features, material_of
-from dfvs_sim.scene.mesh import Int32Array, Scene, SceneError
+from dfvs_sim.scene.mesh import Int32Array, Scene
 from dfvs_sim.scene.texture import Texture, Wrap
 
 MAX_TEXTURE_PIXELS = 8192 * 8192
+_FAR_M = 2000.0
+"""Reach of a scene above which single precision is felt, or its unit is not the metre."""
 _MAGIC, _JSON_CHUNK, _BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _SUPPORTED = frozenset({"KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform"})
@@ -65,16 +67,19 @@ def load_glb(path: str | Path) -> Scene:
     try:
         document = _parse(data)
         scene, ignored = _scene(document), ignored_features(document.json)
-    except GlbError as error:
+    except DfvsError as error:
         raise GlbError(f"scene {path}: {error.problem}", error.expected, error.remedy) from error
-    except (ImageError, SceneError) as error:
-        raise GlbError(f"scene {path}: {error}") from error
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise GlbError(
             f"scene {path} is damaged ({type(error).__name__}: {error})", "a valid glTF 2.0 binary"
         ) from error
     if ignored:
         warn(f"scene {path}: ignored {' and '.join(ignored)}; what has it is drawn plain")
+    if (reach_m := np.abs(scene.vertices).max()) > _FAR_M:
+        warn(
+            f"scene {path} reaches {reach_m:.0f} m from its origin, where positions are rounded to"
+            f" {1e3 * np.spacing(reach_m):.1f} mm; move it to the origin, in metres"
+        )
     return scene
 
 
@@ -142,7 +147,9 @@ def _placed_meshes(gltf: dict[str, Any]) -> Iterator[tuple[FloatArray, dict[str,
     """Walk the node tree: (matrix (4, 4) to the scene, mesh) of every mesh in it."""
     nodes = gltf.get("nodes", [])
     scenes = gltf.get("scenes")
-    roots = scenes[gltf.get("scene", 0)].get("nodes", []) if scenes else list(range(len(nodes)))
+    children = {c for node in nodes for c in node.get("children", [])}
+    orphans = [k for k in range(len(nodes)) if k not in children]
+    roots = scenes[gltf.get("scene", 0)].get("nodes", []) if scenes else orphans
     stack = [(np.eye(4), int(k), 0) for k in roots]
     while stack:
         parent, k, generation = stack.pop()

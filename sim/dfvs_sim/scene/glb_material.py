@@ -7,6 +7,7 @@ from typing import Any
 from dfvs_sim.scene.mesh import NO_TEXTURE
 
 _SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+_TRANSMISSION = "KHR_materials_transmission"
 _WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
@@ -63,14 +64,13 @@ def _colour(material: dict[str, Any]) -> tuple[tuple[float, ...], dict[str, Any]
 def ignored_features(gltf: dict[str, Any]) -> list[str]:
     """What materials of a file rely on and is not drawn."""
     ignored = []
-    if any(
-        _SPECULAR_GLOSSINESS in material.get("extensions", {})
-        and "pbrMetallicRoughness" not in material
-        for material in gltf.get("materials", [])
-    ):
+    materials = [(m, m.get("extensions", {})) for m in gltf.get("materials", [])]
+    if any(_SPECULAR_GLOSSINESS in x and "pbrMetallicRoughness" not in m for m, x in materials):
         ignored.append(f"{_SPECULAR_GLOSSINESS} (export with base colours)")
+    if any(m.get("alphaMode", "OPAQUE") != "OPAQUE" or _TRANSMISSION in x for m, x in materials):
+        ignored.append("transparency (glass and cut-outs become walls: take them out)")
     primitives = [p for mesh in gltf.get("meshes", []) for p in mesh["primitives"]]
-    materials = [(material_of(gltf, p), p["attributes"]) for p in primitives]
-    if any(m.texture != NO_TEXTURE and not m.has_coordinates(of) for m, of in materials):
+    drawn = [(material_of(gltf, p), p["attributes"]) for p in primitives]
+    if any(m.texture != NO_TEXTURE and not m.has_coordinates(of) for m, of in drawn):
         ignored.append("textures without their TEXCOORD (export with UV coordinates)")
     return ignored

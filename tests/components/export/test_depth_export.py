@@ -11,7 +11,7 @@ import torch
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_export.bundles.bundle import CARD_NAME
-from dfvs_export.bundles.depth import DepthModel, Spreads
+from dfvs_export.bundles.depth import DepthModel
 from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch
@@ -60,7 +60,7 @@ def converted(own, tmp_path_factory):
 @pytest.fixture(scope="module")
 def dense() -> tuple[DepthModel, Bundle]:
     model = DepthModel.load(DENSE, DepthWeights())
-    return model, model.bundle(SMALL, Spreads())
+    return model, model.bundle(SMALL)
 
 
 def needs(package):
@@ -153,7 +153,7 @@ def test_densedepth_with_random_weights_is_as_in_torch(dense):
 )
 def test_published_networks_with_random_weights_are_as_in_torch(name, size):
     model = DepthModel.load(name, DepthWeights())
-    bundle = model.bundle(size, Spreads())
+    bundle = model.bundle(size)
     assert agrees_with_torch(model, bundle)
     assert bundle.manifest.depth is not None
     assert bundle.manifest.depth.unit == "affine"
@@ -175,7 +175,7 @@ def test_a_folder_of_transformers_is_read(tmp_path, kind, unit):
     transformers.DepthAnythingForDepthEstimation(config).save_pretrained(tmp_path / "folder")
     digest = sha256((tmp_path / "folder" / "model.safetensors").read_bytes())
     model = DepthModel.load(ANYTHING, DepthWeights(folder=tmp_path / "folder", sha256=digest))
-    bundle = model.bundle((70, 70), Spreads())
+    bundle = model.bundle((70, 70))
     assert bundle.manifest.depth is not None
     assert bundle.manifest.depth.unit == unit
     assert "RANDOM" not in bundle.manifest.origin
@@ -197,6 +197,8 @@ def test_a_package_that_is_missing_is_named_in_one_line(
     ("words", "said"),
     [
         ("--model dfvs-depth --checkpoint no.pt", "no weights at no.pt"),
+        ("--model dfvs-depth --sha256 abc", "--sha256 for dfvs-depth; expected it beside"),
+        ("--model densedepth --sha256 abc", "--sha256 for densedepth; expected it beside"),
         ("--model densedepth --size 100x100", "multiples of 32"),
         ("--model densedepth --from .", "--from for densedepth"),
         ("--model densedepth --checkpoint nowhere.pt", "cannot be read"),

@@ -169,6 +169,20 @@ def test_a_depth_that_is_not_available_is_refused(depth, matcher, wall):
         dfvs.Servo(matcher, wall.picture(), CAMERA, config=dfvs.ServoConfig(depth=depth))
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"law": "pse"}, "servo.law = 'pse'; expected one of 'hybrid'"),
+        ({"depth": "Motion"}, "servo.depth = 'Motion'; expected one of 'motion'"),
+        ({"max_horizontal_m_s": -1.0}, "servo.max_horizontal_m_s = -1.0 is out of range"),
+        ({"response_s": math.nan}, "servo.response_s = nan; expected a finite number"),
+    ],
+)
+def test_settings_that_no_settings_file_may_have_are_refused(wrong, told, matcher, wall):
+    with pytest.raises(ConfigError, match=told):
+        dfvs.Servo(matcher, wall.picture(), CAMERA, config=dfvs.ServoConfig(**wrong))
+
+
 @pytest.mark.parametrize("names", [(), ("a.mcap", "b"), ("a", "b"), (".",)])
 def test_what_holds_no_flight_is_refused(names, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

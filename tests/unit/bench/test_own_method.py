@@ -42,12 +42,12 @@ def test_the_method_of_the_page_knows_its_error_and_the_goal(monkeypatch, rng):
     assert method.decide(Observation(1, goal.image, depth, np.eye(4))).done
 
 
-def trial_of(T_current_next, error=1.0):
+def trial_of(T_current_next, error=1.0, lost=""):
     """Trial of two iterations, before a wall, of a method that always decides the same."""
 
     class Stubborn:
         def decide(self, observation):
-            return Decision(T_current_next, error)
+            return Decision(T_current_next, error, lost=lost)
 
     task = BenchTask("wall", Path("wall.glb"), NORTHWARD, NORTHWARD, CAMERA)
     return run_trial(task, Stubborn(), Renderer(scene_of(wall_ahead(2.0))), 2)
@@ -73,3 +73,9 @@ def test_a_motion_that_is_no_pose_is_an_error_that_names_the_method(wrong):
 def test_an_error_that_is_no_number_names_the_method(wrong):
     with pytest.raises(ConfigError, match="error of Stubborn"):
         trial_of(np.eye(4), wrong)
+
+
+def test_giving_up_without_a_reason_is_an_error_that_names_the_method():
+    assert trial_of(np.eye(4), lost="no flow").end == "no flow"
+    with pytest.raises(ConfigError, match="lost of Stubborn is True; expected why it gives up"):
+        trial_of(np.eye(4), lost=True)

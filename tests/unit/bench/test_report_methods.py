@@ -1,5 +1,7 @@
 """Methods in the benchmark's report and plots."""
 
+import dataclasses
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -55,6 +57,12 @@ def test_trials_of_an_unknown_method_are_left_out_and_named(tmp_path, capsys):
 def test_the_report_does_not_say_that_photometric_servoing_was_run_where_it_was_not():
     page = report_page(Contents([KITCHEN], [record("motion-depth")]), lambda _: None)
     assert "run here" not in page
+
+
+def test_the_report_names_the_networks_of_the_trials():
+    by_network = dataclasses.replace(record("motion-depth"), network="my-depth")
+    page = report_page(Contents([KITCHEN], [by_network]), lambda _: None)
+    assert "Depth or pose networks of the trials: <code>my-depth</code>" in page
 
 
 @pytest.mark.parametrize("names", [("pnp", "my-a", "my-b"), ("my-b", "my-a")])

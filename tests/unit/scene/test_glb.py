@@ -68,6 +68,14 @@ class TestAFileByHand:
         expected = [(10, 7, 0), (8, 5, 0), (10, 5, 2)]
         np.testing.assert_allclose(points_of(loaded(file, tmp_path))[0], expected, atol=1e-6)
 
+    def test_draws_each_node_once_where_the_file_names_no_scene(self, tmp_path):
+        file = GlbFile()
+        file.triangle(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        file.json["nodes"] = [{"mesh": 0}, {"children": [0], "translation": [10, 0, 0]}]
+        del file.json["scenes"], file.json["scene"]
+        expected = [[(11, 0, 0), (10, 1, 0), (10, 0, 1)]]
+        np.testing.assert_allclose(points_of(loaded(file, tmp_path)), expected, atol=1e-6)
+
     def test_draws_a_mesh_once_for_every_node_that_has_it(self, tmp_path):
         file = GlbFile()
         file.triangle()
@@ -252,3 +260,46 @@ def test_materials_that_cannot_be_drawn_are_named_in_one_warning(tmp_path, capsy
     assert line.startswith("warning: ")
     assert "TEXCOORD" in line
     assert "KHR_materials_pbrSpecularGlossiness" in line
+
+
+def test_a_texture_of_too_many_bytes_comes_with_the_remedy(tmp_path):
+    file = GlbFile()
+    file.picture(bytes(2**25 + 1))
+    file.triangle()
+    with pytest.raises(GlbError, match="expected at most 33554432; save it as JPEG"):
+        loaded(file, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "node", [{"translation": [5e5, 0, 4e6]}, {"scale": [3e3, 3e3, 3e3]}], ids=["UTM", "mm"]
+)
+def test_a_scene_that_reaches_far_from_its_origin_is_warned_about(tmp_path, capsys, node):
+    file = GlbFile()
+    file.triangle()
+    file.json["nodes"][0] |= node
+    loaded(file, tmp_path)
+    assert "move it to the origin, in metres" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "glass",
+    [
+        {"alphaMode": "BLEND"},
+        {"alphaMode": "MASK"},
+        {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}},
+    ],
+)
+def test_transparency_that_is_drawn_opaque_is_named(tmp_path, capsys, glass):
+    file = GlbFile()
+    file.json["materials"].append(glass)
+    file.triangle(material=0)
+    loaded(file, tmp_path)
+    assert "transparency" in capsys.readouterr().err
+
+
+def test_an_opaque_material_is_no_reason_to_warn(tmp_path, capsys):
+    file = GlbFile()
+    file.json["materials"].append({"alphaMode": "OPAQUE"})
+    file.triangle(material=0)
+    loaded(file, tmp_path)
+    assert capsys.readouterr().err == ""

@@ -67,7 +67,9 @@ def test_wide_pairs_are_a_file_a_room_and_kept_where_they_exist(tmp_path, capsys
         assert arrays["D"].shape == (2, 2, 240, 320)
         assert {"a0", "b0", "a1", "b1"} <= set(arrays)
     assert run(*words, "--seed", "13", "--out", out) == 0
-    assert "wrote 0 pairs" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "wrote 0 pairs" in told.out
+    assert f"1 files in {out} are kept" in told.err
     assert path.read_bytes() == first
 
 
