@@ -22,8 +22,8 @@ from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.sources.source import SourceOptions, open_source
-from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
+from dfvs_service.camera.sources.source import SourceOptions, check_size, open_source
+from dfvs_service.camera.sources.spec import SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 
 _RECEIVE_S = 0.25
@@ -143,28 +143,23 @@ def _collect(
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
-        return _from_feed(board, feed, stop)
+        return _from_feed(board, feed, stop, options.size)
 
 
 def _from_images(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views from all images of a folder, which must be of one size."""
+    """Views from all images of a folder, which must be of one size: the wanted one, if any."""
     from dfvs_service.camera.sources.images import image_paths
 
     source = open_source(spec, options)
     views: list[BoardView] = []
-    size: tuple[int, int] | None = None
+    size = options.size
     for path in image_paths(spec.place):
         captured = source.read()
         if captured is None:
             break
-        height, width = captured.image.shape[:2]
-        if size not in (None, (width, height)):
-            raise CameraError(
-                f"{path} has {width} x {height} px", f"{size}, the size of those before it"
-            )
-        size = (width, height)
+        size = check_size(captured, size, str(path))
         view = board.find(captured.image, path.name)
         log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
         if view is not None:
@@ -173,17 +168,19 @@ def _from_images(
 
 
 def _from_feed(
-    board: Board, feed: Feed, stop: threading.Event
+    board: Board, feed: Feed, stop: threading.Event, size: tuple[int, int] | None
 ) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
-    """Views from a live source: one whenever the board has moved, until nothing is missing."""
+    """Views from a live source: one whenever the board has moved, until nothing is missing.
+
+    All its images must be of one size, the given one where that is not None.
+    """
     views: list[BoardView] = []
     images: list[bytes] = []
-    size = (0, 0)
     while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
         captured = feed.receive(_RECEIVE_S)
         if captured is None:
             continue
-        size = (captured.image.shape[1], captured.image.shape[0])
+        size = check_size(captured, size, "the source")
         view = board.find(captured.image, f"image {len(views) + 1}")
         if view is None or not _is_new(view, views, size[0]):
             continue
@@ -194,7 +191,7 @@ def _from_feed(
             log(f"image {len(views)}: enough")
             break
         log(f"image {len(views)}: {'; '.join(missing[:2])}")
-    return views, size, images
+    return views, size or (0, 0), images
 
 
 def _keep(images: Sequence[bytes], out: Path) -> Path:

@@ -65,8 +65,10 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
     return CaptureSource(spec, options)
 
 
-def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
-    """Refuse an image of another size than the one that was asked for.
+def check_size(
+    captured: CapturedImage, wanted: tuple[int, int] | None, who: str
+) -> tuple[int, int]:
+    """Size (width, height) px of an image, which must be the wanted one where that is not None.
 
     Raises
     ------
@@ -76,7 +78,8 @@ def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str
     height, width = captured.image.shape[:2]
     if wanted is not None and (width, height) != wanted:
         raise CameraError(
-            f"{who} gives images of {width} x {height} px",
-            f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
-            "choose a size that the camera has",
+            f"{who} gives {width} x {height} px",
+            f"{wanted[0]} x {wanted[1]} px, as --size, the calibration or the images before say",
+            "choose a size that the camera has, and keep to it",
         )
+    return width, height
