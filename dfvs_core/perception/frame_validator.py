@@ -30,6 +30,9 @@ class FrameFault(enum.Enum):
     FUTURE = "the frame carries a time that is still to come"
     REORDERED = "the frame is not newer than the one before"
     FROZEN = "the camera repeats the same image"
+    OTHER_CAMERA = (
+        "the frame's sequence number went back: another camera publishes too, or it was restarted"
+    )
     OTHER_CLOCK = "the frame was stamped by another machine's clock"
     DARK = "the image is black"
     BRIGHT = "the image is white"
@@ -38,7 +41,7 @@ class FrameFault(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """What is remembered of the last frame that was let through.
+    """What is remembered of the last frame whose time was right.
 
     ``shown_ns`` is the capture of the first frame with these very pixels.
     """
@@ -47,6 +50,7 @@ class GuardState:
     checksum: int = -1
     repeats: int = 0
     shown_ns: int = -1
+    seq: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +123,10 @@ def check_header(
     t_ns, is_same = header.t_capture_ns, header.checksum == state.checksum
     repeats, shown_ns = (state.repeats + 1, state.shown_ns) if is_same else (0, t_ns)
     is_frozen = repeats + 1 >= FROZEN_FRAMES or t_ns - shown_ns > FROZEN_NS
-    state = GuardState(t_ns, header.checksum, repeats, shown_ns)
-    return (FrameFault.FROZEN if is_frozen else None), state
+    after = GuardState(t_ns, header.checksum, repeats, shown_ns, header.seq)
+    if header.seq < state.seq:  # equal ones: a camera that does not count
+        return FrameFault.OTHER_CAMERA, after
+    return (FrameFault.FROZEN if is_frozen else None), after
 
 
 def check_content(image: ImageArray) -> FrameFault | None:

@@ -19,8 +19,8 @@ CLOCK = b"c" * 16
 EXPECTED = Expected(CAMERA, CLOCK)
 
 
-def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK):
-    return FrameHeader(*size, PixelFormat.JPEG, 1, t_ms * MS, checksum, clock)
+def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK, seq=1):
+    return FrameHeader(*size, PixelFormat.JPEG, seq, t_ms * MS, checksum, clock)
 
 
 def judge(frame_header, state=None):
@@ -62,6 +62,26 @@ def test_a_slow_camera_is_frozen_by_the_time_that_one_picture_is_shown(gap_ms, f
     _, state = judge(header(t_ms=9_990 - gap_ms, checksum=7))
     assert judge(header(t_ms=9_990, checksum=7), state)[0] is fault
     assert judge(header(t_ms=9_990, checksum=8), state)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("seqs", "refused"),
+    [
+        pytest.param([1, 2, 3, 4], [], id="one camera"),
+        pytest.param([1, 2, 5, 9], [], id="lost frames"),
+        pytest.param([0, 0, 0, 0], [], id="a camera that does not count"),
+        pytest.param([70, 71, 0, 1], [2], id="a restart"),
+        pytest.param([3, 700, 4, 701, 5, 702], [2, 4], id="two cameras"),
+    ],
+)
+def test_frames_of_two_cameras_are_told_by_their_sequence_numbers(seqs, refused):
+    state, faults = GuardState(), {}
+    for i, seq in enumerate(seqs):
+        fault, state = judge(header(t_ms=9_900 + 10 * i, checksum=i, seq=seq), state)
+        faults[i] = fault
+    assert {i: fault for i, fault in faults.items() if fault} == dict.fromkeys(
+        refused, FrameFault.OTHER_CAMERA
+    )
 
 
 def test_a_refused_frame_changes_nothing():
