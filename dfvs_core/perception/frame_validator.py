@@ -96,7 +96,8 @@ def admit(
         header = decode_header(attachment)
         fault, after = check_header(state, header, expected, now_ns)
         if fault is not None:
-            return Admission(after, None, fault.value, header.seq, header.t_capture_ns)
+            reason = _reason(fault, header, expected, now_ns)
+            return Admission(after, None, reason, header.seq, header.t_capture_ns)
         frame = decode_frame(payload, header)
     except DfvsError as error:
         return Admission(state, None, f"the frame cannot be read: {error}")
@@ -104,6 +105,17 @@ def admit(
     if fault is not None:
         return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
     return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
+
+
+def _reason(fault: FrameFault, header: FrameHeader, expected: Expected, now_ns: int) -> str:
+    """Fault, with what was found and expected where the header alone tells it."""
+    if fault is FrameFault.WRONG_SIZE:
+        size = "{} x {}".format(*expected.camera.size)
+        return f"{fault.value} ({header.width} x {header.height} px; expected {size})"
+    if fault is FrameFault.STALE:
+        age_s = (now_ns - header.t_capture_ns) / 1e9
+        return f"{fault.value} ({age_s:.2f} s; expected at most {MAX_AGE_NS / 1e9:g})"
+    return str(fault.value)
 
 
 def check_header(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import Frame, FrameHeader, PixelFormat, encode_frame
+from dfvs_core.messages.frame import Frame, FrameHeader, PixelFormat, encode_frame, encode_header
 from dfvs_core.perception.frame_validator import (
     Expected,
     FrameFault,
@@ -133,3 +133,11 @@ def test_a_frame_refused_for_its_header_or_brightness_says_which_one_it_was(rng)
         assert came.frame is None
         assert came.seq == 7
         assert came.reason
+
+
+def test_a_frame_of_another_size_or_age_is_refused_with_what_was_found_and_expected():
+    for frame_header, words in (
+        (header(size=(640, 480)), "(640 x 480 px; expected 320 x 240)"),
+        (header(t_ms=0), "(10.00 s; expected at most 0.25)"),
+    ):
+        assert words in admit(GuardState(), b"", encode_header(frame_header), EXPECTED, NOW).reason

@@ -1,4 +1,4 @@
-"""Time limits of the start: perception's first report, then the first frame."""
+"""Time limits of the start: perception's first report, then the first frame that can be read."""
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
@@ -8,7 +8,7 @@ PERCEPTION_START_S = 900
 
 
 class StartupWatch:
-    """Says that perception never reported, or that no frame ever came.
+    """Says that perception never reported, or that no frame ever came that could be read.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ class StartupWatch:
         self._since_ns: int | None = None
 
     def evaluate(self, now_ns: int, first_report_ns: int | None, reason: str) -> DfvsError | None:
-        """Error once the time is up, in PREFLIGHT and while no frame has come.
+        """Error once the time is up, in PREFLIGHT and while no frame could be read.
 
         Parameters
         ----------
@@ -43,7 +43,8 @@ class StartupWatch:
         if now_ns - max(self._since_ns, first_report_ns) < self._frame_timeout_s * S:
             return None
         return DfvsError(
-            f"no camera frame within {self._frame_timeout_s:g} s ({reason})",
-            "frames on the camera's Zenoh key",
-            "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
+            f"no usable camera frame within {self._frame_timeout_s:g} s ({reason})",
+            "frames on the camera's Zenoh key, stamped on this machine's CLOCK_MONOTONIC",
+            "if none came: is the camera publishing, and do vehicle.name and the zenoh section "
+            "agree with it?",
         )
