@@ -25,6 +25,7 @@ from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.route.frame_queue import known_camera
 from dfvs_service.settings.config import load_config
+from dfvs_service.zenoh_session import publish_kept
 
 
 @pytest.fixture
@@ -49,6 +50,13 @@ def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
     publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=CAMERA))
     assert await_camera(config(endpoint)) == CAMERA
     assert publisher.count == 0
+
+
+def test_an_announcement_above_64_kib_is_not_read(endpoint, session):
+    publisher = publish_kept(session, TOPICS.calibration)
+    publisher.put(to_json(CAMERA).ljust(70_000))
+    with pytest.raises(WireError, match="calibration of 70000 bytes; expected at most 65536"):
+        await_camera(config(endpoint))
 
 
 def test_keys_that_are_not_known_are_ignored():
