@@ -68,7 +68,10 @@ def _unreachable(config: ZenohSection, problem: str) -> ConfigError:
         problem = f"nobody listens on {', '.join(config.connect)}"
     elif config.tls is not None:
         now = datetime.datetime.now(datetime.UTC).isoformat(" ", "minutes")
-        remedy += f"; or is a certificate not valid at {now} (now), or of another authority?"
+        remedy += (
+            f"; or is a certificate not valid at {now} (now), of another authority, or for other "
+            "hosts than the endpoint's (dfvs-certs --host)?"
+        )
     return ConfigError(problem, "a running dfvs-service there, or a router", remedy)
 
 
