@@ -76,11 +76,11 @@ def test_where_announcements_were_awaited_silence_is_what_is_said(endpoint):
 
 
 def test_the_announced_camera_flies_and_a_goal_of_another_one_is_refused(
-    endpoint, session, tmp_path
+    endpoint, session, tmp_path, rng
 ):
     announced = replace(CAMERA, fx=1.4 * CAMERA.fx)
     _publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=announced))
-    image = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
+    image = rng.integers(0, 255, (CAMERA.height, CAMERA.width, 3), np.uint8)
     write_goal(tmp_path / "goal.png", image, GoalSidecar(CAMERA))
     flown, goal = resolve(config(endpoint), tmp_path / "goal.png")
     assert flown.camera.model() == announced
