@@ -22,6 +22,7 @@ from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 _HEADER = struct.Struct("<4sBBxxHHIQq16s")
 _MAGIC = b"DFVF"
 _VERSION = 1
+_MAX_SIDE_PX = 0xFFFF
 
 _ENVELOPE_BYTES = 1024
 """Room for a message's key, encoding and stamp."""
@@ -106,7 +107,16 @@ class Frame:
 def encode_frame(
     frame: Frame, pixel_format: PixelFormat, clock: bytes = NO_CLOCK, quality: int = 90
 ) -> tuple[bytes, bytes]:
-    """(payload, attachment) of a frame; ``quality`` counts for JPEG alone."""
+    """(payload, attachment) of a frame; ``quality`` counts for JPEG alone.
+
+    Raises
+    ------
+    ImageError
+        If a side has more pixels than the header can hold, or the image cannot be encoded.
+    """
+    height, width = frame.image.shape[:2]
+    if max(height, width) > _MAX_SIDE_PX:
+        raise ImageError(f"a frame of {width} x {height} px", f"at most {_MAX_SIDE_PX} px a side")
     if pixel_format is PixelFormat.JPEG:
         payload = encode_jpeg(frame.image, quality)
     elif pixel_format is PixelFormat.PNG:
@@ -117,7 +127,6 @@ def encode_frame(
         payload = frame.image[:, :, ::-1].tobytes()
     else:
         payload = frame.image.tobytes()
-    height, width = frame.image.shape[:2]
     header = FrameHeader(
         width, height, pixel_format, frame.seq, frame.t_capture_ns, zlib.crc32(payload), clock
     )

@@ -58,14 +58,9 @@ class Mount:
 
     def __post_init__(self) -> None:
         """Refuse angles that are degrees."""
-        for name in ("roll", "pitch", "yaw"):
-            angle_rad = getattr(self, f"{name}_rad")
-            if not abs(angle_rad) <= _TURN_RAD:
-                raise ConfigError(
-                    f"{name} of a mount is {angle_rad:g} rad ({np.degrees(angle_rad):g} degrees)",
-                    "a whole turn at most, 2 pi",
-                    "angles of a Mount and of a goal's JSON are in rad",
-                )
+        _require_radians(
+            "a mount", _TURN_RAD, roll=self.roll_rad, pitch=self.pitch_rad, yaw=self.yaw_rad
+        )
 
     def T_body_camera(self) -> FloatArray:
         """Pose (4, 4) of the optical frame in the body frame."""
@@ -81,6 +76,11 @@ class GoalSidecar:
     ``pose_camera`` (16 numbers, row by row) is the pose of the camera in the scene where that is
     known, as in simulation: it serves evaluation only and is never used to fly. ``taken_at`` is
     a date and time for people (ISO 8601).
+
+    Raises
+    ------
+    ConfigError
+        If the format is another one, roll or pitch is above a quarter turn, or the pose is half.
     """
 
     camera: CameraModel
@@ -92,9 +92,10 @@ class GoalSidecar:
     taken_at: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a sidecar of another format, or with half a pose."""
+        """Refuse a sidecar of another format, with angles in degrees, or with half a pose."""
         if self.format != GOAL_FORMAT:
             raise ConfigError(f"goal sidecar has format {self.format!r}", repr(GOAL_FORMAT))
+        _require_radians("a goal", np.pi / 2, roll=self.roll_rad, pitch=self.pitch_rad)
         if self.pose_camera is not None and len(self.pose_camera) != 16:
             raise ConfigError(f"pose_camera has {len(self.pose_camera)} numbers", "16")
 
@@ -126,6 +127,16 @@ class Goal:
 
     image: ImageArray
     sidecar: GoalSidecar
+
+
+def _require_radians(owner: str, most_rad: float, **angles_rad: float) -> None:
+    for name, angle_rad in angles_rad.items():
+        if not abs(angle_rad) <= most_rad:
+            raise ConfigError(
+                f"{name} of {owner} is {angle_rad:g} rad ({np.degrees(angle_rad):g} degrees)",
+                f"{most_rad:.3g} rad ({np.degrees(most_rad):g} degrees) at most",
+                "angles of a Mount and of a goal's JSON are in rad",
+            )
 
 
 def mount_difference(flown: Mount, taken: Mount) -> str:

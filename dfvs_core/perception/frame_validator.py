@@ -30,6 +30,9 @@ class FrameFault(enum.Enum):
     FUTURE = "the frame carries a time that is still to come"
     REORDERED = "the frame is not newer than the one before"
     FROZEN = "the camera repeats the same image"
+    OTHER_CAMERA = (
+        "the frame's sequence number went back: another camera publishes too, or it was restarted"
+    )
     OTHER_CLOCK = "the frame was stamped by another machine's clock"
     DARK = "the image is black"
     BRIGHT = "the image is white"
@@ -38,7 +41,7 @@ class FrameFault(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """What is remembered of the last frame that was let through.
+    """What is remembered of the last frame whose time was right.
 
     ``shown_ns`` is the capture of the first frame with these very pixels.
     """
@@ -47,6 +50,7 @@ class GuardState:
     checksum: int = -1
     repeats: int = 0
     shown_ns: int = -1
+    seq: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +96,8 @@ def admit(
         header = decode_header(attachment)
         fault, after = check_header(state, header, expected, now_ns)
         if fault is not None:
-            return Admission(after, None, fault.value, header.seq, header.t_capture_ns)
+            reason = _reason(fault, header, expected, now_ns)
+            return Admission(after, None, reason, header.seq, header.t_capture_ns)
         frame = decode_frame(payload, header)
     except DfvsError as error:
         return Admission(state, None, f"the frame cannot be read: {error}")
@@ -100,6 +105,17 @@ def admit(
     if fault is not None:
         return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
     return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
+
+
+def _reason(fault: FrameFault, header: FrameHeader, expected: Expected, now_ns: int) -> str:
+    """Fault, with what was found and expected where the header alone tells it."""
+    if fault is FrameFault.WRONG_SIZE:
+        size = "{} x {}".format(*expected.camera.size)
+        return f"{fault.value} ({header.width} x {header.height} px; expected {size})"
+    if fault is FrameFault.STALE:
+        age_s = (now_ns - header.t_capture_ns) / 1e9
+        return f"{fault.value} ({age_s:.2f} s; expected at most {MAX_AGE_NS / 1e9:g})"
+    return str(fault.value)
 
 
 def check_header(
@@ -119,8 +135,10 @@ def check_header(
     t_ns, is_same = header.t_capture_ns, header.checksum == state.checksum
     repeats, shown_ns = (state.repeats + 1, state.shown_ns) if is_same else (0, t_ns)
     is_frozen = repeats + 1 >= FROZEN_FRAMES or t_ns - shown_ns > FROZEN_NS
-    state = GuardState(t_ns, header.checksum, repeats, shown_ns)
-    return (FrameFault.FROZEN if is_frozen else None), state
+    after = GuardState(t_ns, header.checksum, repeats, shown_ns, header.seq)
+    if header.seq < state.seq:  # equal ones: a camera that does not count
+        return FrameFault.OTHER_CAMERA, after
+    return (FrameFault.FROZEN if is_frozen else None), after
 
 
 def check_content(image: ImageArray) -> FrameFault | None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+import importlib.util
 import json
 import math
 import time
@@ -54,7 +55,8 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
         require_free_zenoh_ports(config)
         raise ConfigError(
             error.problem,
-            "a free listen endpoint",
+            "a free listen endpoint"
+            + (", and a key that fits its certificate" if config.tls else ""),
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error
 
@@ -69,7 +71,10 @@ def _unreachable(config: ZenohSection, problem: str) -> ConfigError:
         problem = f"nobody listens on {', '.join(config.connect)}"
     elif config.tls is not None:
         now = datetime.datetime.now(datetime.UTC).isoformat(" ", "minutes")
-        remedy += f"; or is a certificate not valid at {now} (now), or of another authority?"
+        remedy += (
+            f"; or is a certificate not valid at {now} (now), of another authority, or for other "
+            "hosts than the endpoint's (dfvs-certs --host)?"
+        )
     return ConfigError(problem, "a running dfvs-service there, or a router", remedy)
 
 
@@ -146,7 +151,8 @@ def require_usable_files(section: ZenohSection) -> None:
     Raises
     ------
     ConfigError
-        If a file is not named or cannot be read, or others may read the private key.
+        If a file is not named or cannot be read, others may read the private key, or the
+        certificate has expired; that is known only where the extra ``deploy`` is installed.
     """
     files = section.tls
     if files is None:
@@ -165,6 +171,22 @@ def require_usable_files(section: ZenohSection) -> None:
         if begins != _PEM:
             raise ConfigError(f"zenoh.tls.{name} = {str(path)!r} is not PEM", _PEM.decode())
     check_private(Path(files.key))
+    if importlib.util.find_spec("cryptography") is not None:
+        _require_valid(Path(files.certificate))
+
+
+def _require_valid(path: Path) -> None:
+    # An extra, needed here alone.
+    from dfvs_service.certificates.authority import has_expired, read_certificate
+
+    certificate = read_certificate(path)
+    if has_expired(certificate):
+        raise ConfigError(
+            f"zenoh.tls.certificate = {str(path)!r} expired on "
+            f"{certificate.not_valid_after_utc:%Y-%m-%d}",
+            "one that is valid",
+            "move its folder away and run dfvs-certs again",
+        )
 
 
 def open_persistently(

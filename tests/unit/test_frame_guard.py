@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import Frame, FrameHeader, PixelFormat, encode_frame
+from dfvs_core.messages.frame import Frame, FrameHeader, PixelFormat, encode_frame, encode_header
 from dfvs_core.perception.frame_validator import (
     Expected,
     FrameFault,
@@ -19,8 +19,8 @@ CLOCK = b"c" * 16
 EXPECTED = Expected(CAMERA, CLOCK)
 
 
-def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK):
-    return FrameHeader(*size, PixelFormat.JPEG, 1, t_ms * MS, checksum, clock)
+def header(t_ms=9_990, checksum=1, size=(320, 240), clock=CLOCK, seq=1):
+    return FrameHeader(*size, PixelFormat.JPEG, seq, t_ms * MS, checksum, clock)
 
 
 def judge(frame_header, state=None):
@@ -62,6 +62,26 @@ def test_a_slow_camera_is_frozen_by_the_time_that_one_picture_is_shown(gap_ms, f
     _, state = judge(header(t_ms=9_990 - gap_ms, checksum=7))
     assert judge(header(t_ms=9_990, checksum=7), state)[0] is fault
     assert judge(header(t_ms=9_990, checksum=8), state)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("seqs", "refused"),
+    [
+        pytest.param([1, 2, 3, 4], [], id="one camera"),
+        pytest.param([1, 2, 5, 9], [], id="lost frames"),
+        pytest.param([0, 0, 0, 0], [], id="a camera that does not count"),
+        pytest.param([70, 71, 0, 1], [2], id="a restart"),
+        pytest.param([3, 700, 4, 701, 5, 702], [2, 4], id="two cameras"),
+    ],
+)
+def test_frames_of_two_cameras_are_told_by_their_sequence_numbers(seqs, refused):
+    state, faults = GuardState(), {}
+    for i, seq in enumerate(seqs):
+        fault, state = judge(header(t_ms=9_900 + 10 * i, checksum=i, seq=seq), state)
+        faults[i] = fault
+    assert {i: fault for i, fault in faults.items() if fault} == dict.fromkeys(
+        refused, FrameFault.OTHER_CAMERA
+    )
 
 
 def test_a_refused_frame_changes_nothing():
@@ -113,3 +133,11 @@ def test_a_frame_refused_for_its_header_or_brightness_says_which_one_it_was(rng)
         assert came.frame is None
         assert came.seq == 7
         assert came.reason
+
+
+def test_a_frame_of_another_size_or_age_is_refused_with_what_was_found_and_expected():
+    for frame_header, words in (
+        (header(size=(640, 480)), "(640 x 480 px; expected 320 x 240)"),
+        (header(t_ms=0), "(10.00 s; expected at most 0.25)"),
+    ):
+        assert words in admit(GuardState(), b"", encode_header(frame_header), EXPECTED, NOW).reason

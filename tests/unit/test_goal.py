@@ -66,3 +66,10 @@ def test_a_sidecar_with_a_mounting_in_degrees_is_refused():
 
 def test_a_mounting_may_be_a_whole_turn():
     assert Mount(yaw_rad=-2.0 * np.pi).T_body_camera() == pytest.approx(Mount().T_body_camera())
+
+
+@pytest.mark.parametrize("angle", ["roll_rad", "pitch_rad"])
+@pytest.mark.parametrize("value", [-2.5, 12.0, np.nan])
+def test_a_sidecar_whose_roll_or_pitch_is_in_degrees_is_refused(angle, value):
+    with pytest.raises(ConfigError, match=rf"{angle[:-4]} of a goal is .*90 degrees.*in rad"):
+        GoalSidecar(CAMERA, **{angle: value})

@@ -86,7 +86,7 @@ def run(words: Sequence[str]) -> int:
         listener.connect(arguments.mavlink, config.vehicle.timeout_s, config.vehicle.system_id)
     with _feed(arguments, config, camera.size) as feed:
         captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
-    check_size(captured, camera.size, "the source")
+    check_size(captured.image, camera.size, "the source")
     if listener is None:
         motion = given
         if given is None:

@@ -74,7 +74,7 @@ class FramePublisher:
         ImageError
             If it is too large for a message.
         """
-        check_size(captured, self._options.wanted_size, "the camera")
+        check_size(captured.image, self._options.wanted_size, "the camera")
         pixel_format = self._options.pixel_format
         frame = Frame(captured.image, captured.t_capture_ns, self.count)
         payload, attachment = encode_frame(frame, pixel_format, self._clock, self._options.quality)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import ipaddress
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from dfvs_core.errors import ConfigError
 
 _CLOCK_SLACK = datetime.timedelta(hours=1)
+_HOST = re.compile(r"[\w.*-]+", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ def make_certificate(
             critical=False,
         )
     )
-    names = [x509.DNSName(name), *(_host(host) for host in hosts)]
+    names = [x509.DNSName(name), *(host_name(host) for host in hosts)]
     builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
     return Credentials(builder.sign(authority.key, hashes.SHA256()), key)
 
@@ -106,11 +108,21 @@ def _builder(
     )
 
 
-def _host(text: str) -> x509.GeneralName:
+def host_name(text: str) -> x509.GeneralName:
+    """Name or address of a machine, as certificates hold it.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither.
+    """
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
     except ValueError:
-        return x509.DNSName(text)
+        if _HOST.fullmatch(text):
+            return x509.DNSName(text)
+    expected = "an address, or a name in ASCII (xn--… for another one), without port"
+    raise ConfigError(f"--host {text!r}", expected)
 
 
 def write_new(path: Path, data: bytes, mode: int) -> None:
@@ -176,7 +188,7 @@ def read_authority(folder: Path) -> Credentials:
         )
     try:
         key = serialization.load_pem_private_key((folder / "key.pem").read_bytes(), None)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:  # TypeError: it has a passphrase
         raise ConfigError(f"{folder} holds no authority ({error})") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise ConfigError(f"{folder / 'key.pem'} is not an elliptic-curve key")

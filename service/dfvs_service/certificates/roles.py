@@ -14,6 +14,7 @@ from dfvs_service.certificates.authority import (
     Credentials,
     Validity,
     has_expired,
+    host_name,
     make_authority,
     make_certificate,
     read_authority,
@@ -23,6 +24,9 @@ from dfvs_service.certificates.authority import (
 
 _LOOPBACK = ("localhost", "127.0.0.1")
 _LISTEN = "tls/0.0.0.0:7447"
+_MAX_DAYS = 36_500
+_MAX_VEHICLE = 64 - len(certificate_name(Role.DASHBOARD, ""))
+"""Longest name of a vehicle: a certificate's common name has 64 characters (X.520)."""
 _ROUTER_FILE = Path("router", "router.json5")
 
 
@@ -32,12 +36,17 @@ def make_everything(arguments: argparse.Namespace) -> None:
     Raises
     ------
     ConfigError
-        If a name is none, or the authority that is there cannot be read.
+        If a name, a host or the validity is none, or the authority that is there cannot be read.
     """
     out: Path = arguments.out
     vehicles = tuple(Topics(name).vehicle for name in arguments.vehicle or ["drone1"])
-    if arguments.days < 1:
-        raise ConfigError(f"--days {arguments.days}", "1 or more")
+    longest = max(vehicles, key=len)
+    if len(longest) > _MAX_VEHICLE:
+        raise ConfigError(f"--vehicle {longest!r}", f"at most {_MAX_VEHICLE} characters")
+    if not 1 <= arguments.days <= _MAX_DAYS:
+        raise ConfigError(f"--days {arguments.days}", f"1 to {_MAX_DAYS}")
+    for host in arguments.host:
+        host_name(host)
     validity = Validity.days_from_now(arguments.days)
     out.mkdir(mode=0o700, parents=True, exist_ok=True)
     earlier = _earlier_router(out / _ROUTER_FILE)

@@ -1,4 +1,4 @@
-"""Time limits of the start: perception's first report, then the first frame."""
+"""Time limits of the start: perception's first report, then the first frame that can be read."""
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
@@ -10,7 +10,7 @@ PERCEPTION_START_S = 900
 def startup_problem(
     waited_ns: int, reported_ns: int | None, timeout_s: float, reason: str
 ) -> DfvsError | None:
-    """Error once the time is up, in PREFLIGHT and while no frame has come.
+    """Error once the time is up, in PREFLIGHT and while no frame could be read.
 
     Parameters
     ----------
@@ -32,7 +32,8 @@ def startup_problem(
     if min(waited_ns, reported_ns) < timeout_s * S:
         return None
     return DfvsError(
-        f"no camera frame within {timeout_s:g} s ({reason})",
-        "frames on the camera's Zenoh key",
-        "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
+        f"no usable camera frame within {timeout_s:g} s ({reason})",
+        "frames on the camera's Zenoh key, stamped on this machine's CLOCK_MONOTONIC",
+        "if none came: is the camera publishing, and do vehicle.name and the zenoh section "
+        "agree with it?",
     )

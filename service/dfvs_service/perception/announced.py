@@ -8,8 +8,9 @@ import zenoh.ext
 
 from dfvs_common.clock import local_clock
 from dfvs_common.progress import warn
-from dfvs_core.errors import DfvsError
+from dfvs_core.errors import DfvsError, WireError
 from dfvs_core.geometry.camera import CameraModel, calibration_difference
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
 from dfvs_service.perception.frame_source import FrameSource, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session, subscribe_kept
@@ -56,6 +57,8 @@ def subscribe_calibration(
 
     def on_sample(sample: zenoh.Sample) -> None:
         try:
+            if (size := len(sample.payload)) > MAX_SIDECAR_BYTES:
+                raise WireError(f"calibration of {size} bytes", f"at most {MAX_SIDECAR_BYTES}")
             camera = source.camera(sample.payload.to_bytes())
         except DfvsError as error:
             on_camera(error)

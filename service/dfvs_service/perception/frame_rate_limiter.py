@@ -4,24 +4,28 @@ from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.rate_limit import Rate, RateLimit
 
-BAD_FRAME_RATE = Rate(per_s=5.0, burst=5)
-"""So many are let in all the same, so that perception reports what is wrong with them."""
+_BURST = 10
 
 
 class FrameRateLimiter:
     """Judges frames by their header alone; called from one thread.
 
+    Some invalid ones pass all the same, so often that perception reports what is wrong with them
+    and never that none came.
+
     Parameters
     ----------
     size : (int, int)
         Width and height that every frame must have, px.
+    silence_s : float
+        Time without a frame after which perception reports that; two invalid ones pass in it.
     now_ns : int
         Monotonic time.
     """
 
-    def __init__(self, size: tuple[int, int], now_ns: int) -> None:
+    def __init__(self, size: tuple[int, int], silence_s: float, now_ns: int) -> None:
         self._size = size
-        self._bad = RateLimit(BAD_FRAME_RATE, now_ns)
+        self._bad = RateLimit(Rate(2.0 / silence_s, _BURST), now_ns)
 
     @property
     def turned_away(self) -> int:

@@ -93,7 +93,7 @@ class PerceptionProcess:
         camera = config.camera.model() or goal.sidecar.camera
         self._flown = GoalSidecar(camera, mount=config.camera.mount or Mount())
         self._doubts = CameraDoubts(camera)
-        limiter = FrameRateLimiter(camera.size, time.monotonic_ns())
+        limiter = FrameRateLimiter(camera.size, config.silence_s, time.monotonic_ns())
         self._rate_limiter = limiter if config.camera.source == "dfvs" else None
         self._matcher = flow_matcher(config.flow)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="next-goal")

@@ -9,6 +9,7 @@ from dfvs_core.geometry.camera import calibration_difference
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
+from dfvs_core.perception.frame_validator import check_content
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _SIDECAR = "JSON as dfvs-camera goal writes it"
@@ -78,14 +79,14 @@ def load_goal(image_path: str | Path) -> Goal:
     Raises
     ------
     ImageError
-        If the image cannot be read or has another size than in its sidecar.
+        If the image cannot be read, has another size than in its sidecar, or shows nothing.
     ConfigError
         If there is no sidecar or it cannot be used.
 
     Examples
     --------
     >>> import cv2, numpy as np
-    >>> _ = cv2.imwrite("goal.png", np.zeros((48, 64, 3), np.uint8))
+    >>> _ = cv2.imwrite("goal.png", 255 * np.eye(48, 64, dtype=np.uint8))
     >>> from dfvs_core.geometry.camera import CameraModel
     >>> sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2), pitch_rad=-0.1)
     >>> _ = Path("goal.json").write_text(sidecar.to_json())
@@ -133,15 +134,17 @@ def is_image(path: Path) -> bool:
 
 
 def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
-    """Goal, after it was found that the image has the size of its camera.
+    """Goal, after it was found that the image has the size of its camera, and shows something.
 
     Raises
     ------
     ImageError
-        If it has not.
+        If it has not, or is black, white or without contrast.
     """
     remedy = "take the goal with the camera that flies, or correct the camera's settings"
     sidecar.camera.check_size(image, f"the goal image {path}", remedy)
+    if (fault := check_content(image)) is not None:
+        raise ImageError(f"the goal image {path} cannot be matched: {fault.value}", "contrast")
     return Goal(image, sidecar)
 
 

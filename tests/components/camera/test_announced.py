@@ -25,6 +25,7 @@ from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.route.frame_queue import known_camera
 from dfvs_service.settings.config import load_config
+from dfvs_service.zenoh_session import publish_kept
 
 
 @pytest.fixture
@@ -51,6 +52,13 @@ def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
     assert publisher.count == 0
 
 
+def test_an_announcement_above_64_kib_is_not_read(endpoint, session):
+    publisher = publish_kept(session, TOPICS.calibration)
+    publisher.put(to_json(CAMERA).ljust(70_000))
+    with pytest.raises(WireError, match="calibration of 70000 bytes; expected at most 65536"):
+        await_camera(config(endpoint))
+
+
 def test_keys_that_are_not_known_are_ignored():
     announced = json.dumps({**json.loads(to_json(CAMERA)), "name": "nose"}).encode()
     assert DfvsFrameSource(TOPICS).camera(announced) == CAMERA
@@ -68,11 +76,11 @@ def test_where_announcements_were_awaited_silence_is_what_is_said(endpoint):
 
 
 def test_the_announced_camera_flies_and_a_goal_of_another_one_is_refused(
-    endpoint, session, tmp_path
+    endpoint, session, tmp_path, rng
 ):
     announced = replace(CAMERA, fx=1.4 * CAMERA.fx)
     _publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=announced))
-    image = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
+    image = rng.integers(0, 255, (CAMERA.height, CAMERA.width, 3), np.uint8)
     write_goal(tmp_path / "goal.png", image, GoalSidecar(CAMERA))
     flown, goal = resolve(config(endpoint), tmp_path / "goal.png")
     assert flown.camera.model() == announced

@@ -249,7 +249,7 @@ def commands(flight):
 def test_no_camera_is_said_in_one_line_with_perceptions_reason(vehicle, tmp_path):
     with service_running(vehicle, tmp_path, sees="--blind", camera__timeout_s=1) as flight:
         assert flight.end() == 2
-    assert "no camera frame within 1 s" in flight.error()
+    assert "no usable camera frame within 1 s" in flight.error()
     assert "no camera frame on dfvs/drone1/camera" in flight.error()
     assert not flight.setpoints()
 

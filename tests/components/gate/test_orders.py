@@ -144,7 +144,9 @@ def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
 ):
     service = listening(load_key(key_file))
     picture, sidecar = tmp_path / "b.png", GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.0))
-    picture.write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    picture.write_bytes(
+        encode_png(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
+    )
     picture.with_suffix(".json").write_text(sidecar.to_json())
     assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
     assert service.results == ["accepted: goal"]

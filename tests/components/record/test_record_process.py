@@ -197,7 +197,7 @@ def test_bad_words_are_one_clear_line(words, message, tmp_path, refused):
 
 def test_a_service_that_cannot_record_says_so_before_anything_starts(tmp_path, refused):
     goal = tmp_path / "goal.png"
-    goal.write_bytes(encode_png(np.full((240, 320, 3), 90, np.uint8)))
+    goal.write_bytes(encode_png(np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)))
     listen = ("--set", f'zenoh.listen=["{free_endpoint()}"]')
     words = ("--goal", goal, "--camera-fov", "70", "--record", "/proc/nowhere", *listen)
     assert "/proc/nowhere cannot be made" in refused(service_command, *words)

@@ -13,9 +13,11 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import rotation_from_euler
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera import cli
+from dfvs_service.camera.calibration import command
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration.coverage import coverage_of
 from dfvs_service.camera.calibration.intrinsics import calibrate
+from dfvs_service.frames import CapturedImage
 from dfvs_service.settings.calibration_file import read_calibration
 
 CAMERA = CameraModel(480, 360, 402.0, 398.5, 246.3, 174.8, (-0.21, 0.08, 0.0012, -0.0009, 0.0))
@@ -247,6 +249,40 @@ def test_a_refused_fit_keeps_the_images_of_a_moving_source(tmp_path, capsys):
     kept = [cv2.imread(str(path)) for path in sorted(folder.iterdir())]
     assert len(kept) == 4
     assert all(board.find(image, "") is not None for image in kept)
+
+
+class ChangingFeed:
+    """Images without a board, the second one smaller, as of a camera that was lost and is back."""
+
+    ended = False
+
+    def __init__(self):
+        self._heights = [360, 288]
+
+    def receive(self, timeout_s):
+        height = self._heights.pop(0)
+        return CapturedImage(np.full((height, height * 4 // 3, 3), 90, np.uint8), 0)
+
+    def close(self):
+        pass
+
+
+def test_a_source_that_changes_its_size_is_refused(tmp_path, monkeypatch, refused):
+    monkeypatch.setattr(command, "feed_of", lambda arguments, wanted: ChangingFeed())
+    words = ("calibrate", "--board", BOARDS["charuco"], "--source", "0")
+    line = refused(cli.main, *words, "--out", tmp_path / "camera.toml")
+    assert "the source gives 384 x 288 px; expected 480 x 360 px" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["board.avi", "."])
+def test_images_of_another_size_than_asked_for_are_not_calibrated(name, tmp_path, refused):
+    images = pictures("charuco")[1][:2]
+    write_video(tmp_path / "board.avi", images)
+    (tmp_path / "board.png").write_bytes(encode_png(images[0]))
+    words = ("calibrate", "--board", BOARDS["charuco"], "--source", tmp_path / name)
+    line = refused(cli.main, *words, "--size", "640x480", "--out", tmp_path / "camera.toml")
+    assert "480 x 360 px; expected 640 x 480 px" in line
 
 
 def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_said(

@@ -1,5 +1,7 @@
 """Which source a word means, and what is said of one that cannot be used."""
 
+import contextlib
+import struct
 import time
 
 import cv2
@@ -162,6 +164,23 @@ def test_a_driver_s_stamp_is_believed_only_if_it_can_be_true():
         assert buffer_time_ns(nonsense_ms, now_ns) is None
 
 
+def test_a_video_s_note_on_how_to_turn_it_does_not_count(tmp_path):
+    path = tmp_path / "clip.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (64, 48))
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:12] = 255
+    writer.write(image)
+    writer.release()
+    data, one = bytearray(path.read_bytes()), 1 << 16
+    at = data.index(b"tkhd") + 44  # the track's matrix (ISO 14496-12), version 0
+    data[at : at + 36] = struct.pack(">9i", 0, one, 0, -one, 0, 0, 48 * one, 0, 1 << 30)
+    path.write_bytes(data)
+    with contextlib.closing(CaptureSource(parse_source(str(path)), SourceOptions())) as source:
+        turned = source.read().image
+    assert turned.shape == (48, 64, 3)
+    assert turned[:8].mean() > 200
+
+
 class UnstampedCapture:
     """OpenCV's capture of a driver without stamps."""
 
@@ -192,7 +211,7 @@ def test_a_latency_of_a_source_that_tells_the_time_of_capture_is_refused(word, r
 
 def test_a_picture_of_another_size_is_refused_with_both_sizes():
     shot = CapturedImage(np.zeros((48, 64, 3), np.uint8), 0)
-    check_size(shot, (64, 48), "the camera")
-    check_size(shot, None, "the camera")
+    check_size(shot.image, (64, 48), "the camera")
+    check_size(shot.image, None, "the camera")
     with pytest.raises(CameraError, match=r"64 x 48 px; expected 640 x 480"):
-        check_size(shot, (640, 480), "the camera")
+        check_size(shot.image, (640, 480), "the camera")

@@ -9,6 +9,11 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+)
 
 from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
@@ -124,6 +129,39 @@ def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, ref
 def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, refused):
     (tmp_path / "authority").mkdir()
     assert "holds no certificate" in refused(main, "--out", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--vehicle", "v" * 55], "at most 54 characters"),
+        (["--days", "3000000"], "1 to 36500"),
+        *(
+            (["--host", host], f"--host {host!r}; expected an address, or a name")
+            for host in ("", "192.168.1.10:7447", "tls/drone", "two words", "dröhne.local")
+        ),
+    ],
+)
+def test_what_no_certificate_can_hold_is_refused_before_anything_is_written(
+    words, told, tmp_path, refused
+):
+    assert told in refused(main, "--out", tmp_path / "none", *words)
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_longest_vehicle_name_and_every_kind_of_host_have_certificates(tmp_path):
+    hosts = ("192.168.1.10", "fe80::1", "drone.local", "*.example.com", "xn--drhne-lua")
+    words = [word for host in hosts for word in ("--host", host)]
+    assert main(["--out", str(tmp_path), "--vehicle", "v" * 54, *words]) == 0
+
+
+def test_an_authority_whose_key_has_a_passphrase_is_one_line(tmp_path, refused):
+    authority = with_authority(tmp_path, days(-1, 65))
+    encrypted = authority.key.private_bytes(
+        Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret")
+    )
+    (tmp_path / "authority" / "key.pem").write_bytes(encrypted)
+    assert "holds no authority" in refused(main, "--out", tmp_path)
 
 
 def test_the_docs_name_every_role_and_every_program_that_meets_others():

@@ -1,12 +1,13 @@
+import datetime
+
 import pytest
 
 from dfvs_core.errors import ConfigError
+from dfvs_service.certificates.authority import Validity, make_authority, write_credentials
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.endpoints import is_private, is_private_mavlink
 from dfvs_service.settings.exposure import exposure_warnings
 from dfvs_service.zenoh_session import require_usable_files
-
-PEM = "-----BEGIN CERTIFICATE-----\n"
 
 
 @pytest.mark.parametrize(
@@ -89,15 +90,29 @@ def test_an_encrypted_endpoint_needs_certificates(key):
 
 @pytest.fixture
 def section(tmp_path):
-    for name in ("ca", "certificate", "key"):
-        (tmp_path / name).write_text(PEM)
-        (tmp_path / name).chmod(0o600)
-    settings = {f"zenoh.tls.{n}": str(tmp_path / n) for n in ("ca", "certificate", "key")}
-    return load_config(None, settings).zenoh
+    return section_with(tmp_path, Validity.days_from_now(1))
+
+
+def section_with(tmp_path, validity):
+    """Settings with a certificate of its own authority; its files have no suffix."""
+    authority = make_authority(validity)
+    write_credentials(tmp_path / "made", authority, authority)
+    names = ("ca", "certificate", "key")
+    for name in names:
+        (tmp_path / "made" / f"{name}.pem").rename(tmp_path / name)
+    return load_config(None, {f"zenoh.tls.{n}": str(tmp_path / n) for n in names}).zenoh
 
 
 def test_certificates_that_are_there_pass(section):
     require_usable_files(section)
+
+
+def test_a_certificate_that_has_expired_is_refused_with_its_date(tmp_path):
+    now = datetime.datetime.now(datetime.UTC)
+    end = now - datetime.timedelta(days=1)
+    section = section_with(tmp_path, Validity(now - datetime.timedelta(days=10), end))
+    with pytest.raises(ConfigError, match=rf"certificate' expired on {end:%Y-%m-%d}"):
+        require_usable_files(section)
 
 
 @pytest.mark.parametrize("name", ["ca", "certificate", "key"])

@@ -82,7 +82,19 @@ def test_a_picture_of_another_size_than_its_camera_is_refused(picture):
 
 
 def png(width=64, height=48):
-    return encode_png(np.zeros((height, width, 3), np.uint8))
+    row = np.linspace(0, 255, width).astype(np.uint8)
+    return encode_png(np.tile(row[:, None], (height, 1, 3)))
+
+
+@pytest.mark.parametrize(("level", "told"), [(0, "black"), (255, "white"), (90, "no contrast")])
+def test_a_goal_that_cannot_be_matched_is_an_error(picture, level, told):
+    picture.write_bytes(encode_png(np.full((48, 64, 3), level, np.uint8)))
+    picture.with_suffix(".json").write_text(FLOWN.to_json())
+    for load in (load_goal, goal_command):
+        with pytest.raises(ImageError, match=rf"goal\.png cannot be matched: the image .*{told}"):
+            load(picture)
+    with pytest.raises(ImageError, match=f"new goal cannot be matched: .*{told}"):
+        commanded_goal(GoalCommand(picture.read_bytes()), FLOWN)
 
 
 def test_a_goal_without_a_sidecar_counts_as_taken_by_the_camera_that_flies():

@@ -38,6 +38,13 @@ def test_jpeg_gives_back_the_colours_nearly(frame):
     assert np.abs(again.image.astype(int) - frame.image).mean() < 8
 
 
+@pytest.mark.parametrize("pixel_format", list(PixelFormat))
+def test_a_side_that_the_header_cannot_hold_is_refused(pixel_format):
+    wide = Frame(np.zeros((2, 70_000, 3), np.uint8), 1, 1)
+    with pytest.raises(ImageError, match="70000 x 2 px; expected at most 65535 px a side"):
+        encode_frame(wide, pixel_format)
+
+
 def test_mono_comes_back_grey(frame):
     payload, attachment = encode_frame(frame, PixelFormat.MONO8)
     image = decode_frame(payload, decode_header(attachment)).image

@@ -21,9 +21,10 @@ from dfvs_service.camera.calibration.coverage import coverage_of
 from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
-from dfvs_service.camera.options import add_source_options, feed_of, log
+from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
 from dfvs_service.camera.sources.images import image_paths
-from dfvs_service.camera.sources.spec import CameraError, SourceKind, parse_source
+from dfvs_service.camera.sources.source import check_size
+from dfvs_service.camera.sources.spec import SourceKind, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 from dfvs_service.settings.goal_file import read_image
 
@@ -138,26 +139,23 @@ def _collect(
 ) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
     """Views of the board, the images' size (width, height) px, and PNGs of those in no folder."""
     spec = parse_source(arguments.source)
+    options = source_options(arguments, None)
     if spec.kind is SourceKind.IMAGES:
-        return *_from_images(board, image_paths(spec.place)), []
+        return *_from_images(board, image_paths(spec.place), options.size), []
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
-        return _from_feed(board, feed, stop)
+        return _from_feed(board, feed, stop, options.size)
 
 
-def _from_images(board: Board, paths: Sequence[Path]) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views from all images of a folder, which must be of one size."""
+def _from_images(
+    board: Board, paths: Sequence[Path], size: tuple[int, int] | None
+) -> tuple[list[BoardView], tuple[int, int]]:
+    """Views from all images of a folder, which must be of one size: the wanted one, if any."""
     views: list[BoardView] = []
-    size: tuple[int, int] | None = None
     for path in paths:
         image = read_image(path)
-        height, width = image.shape[:2]
-        if size not in (None, (width, height)):
-            raise CameraError(
-                f"{path} has {width} x {height} px", f"{size}, the size of those before it"
-            )
-        size = (width, height)
+        size = check_size(image, size, str(path))
         view = board.find(image, path.name)
         log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
         if view is not None:
@@ -166,17 +164,19 @@ def _from_images(board: Board, paths: Sequence[Path]) -> tuple[list[BoardView], 
 
 
 def _from_feed(
-    board: Board, feed: Feed, stop: threading.Event
+    board: Board, feed: Feed, stop: threading.Event, size: tuple[int, int] | None
 ) -> tuple[list[BoardView], tuple[int, int], list[bytes]]:
-    """Views from a live source: one whenever the board has moved, until nothing is missing."""
+    """Views from a live source: one whenever the board has moved, until nothing is missing.
+
+    All its images must be of one size, the given one where that is not None.
+    """
     views: list[BoardView] = []
     images: list[bytes] = []
-    size = (0, 0)
     while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
         captured = feed.receive(_RECEIVE_S)
         if captured is None:
             continue
-        size = (captured.image.shape[1], captured.image.shape[0])
+        size = check_size(captured.image, size, "the source")
         view = board.find(captured.image, f"image {len(views) + 1}")
         if view is None or not _is_new(view, views, size[0]):
             continue
@@ -187,7 +187,7 @@ def _from_feed(
             log(f"image {len(views)}: enough")
             break
         log(f"image {len(views)}: {'; '.join(missing[:2])}")
-    return views, size, images
+    return views, size or (0, 0), images
 
 
 def _keep(images: Sequence[bytes], out: Path) -> Path:

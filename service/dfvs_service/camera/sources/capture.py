@@ -96,6 +96,8 @@ def _opened(spec: SourceSpec, options: SourceOptions) -> cv2.VideoCapture:
     capture.open(spec.place, backend, _open_parameters(spec))
     if not capture.isOpened():
         raise _not_opened(spec)
+    if backend == cv2.CAP_FFMPEG:  # pixels stay where the sensor had them, as of images
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     if spec.kind is SourceKind.V4L2:
         _configure(capture, options)
     return capture

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec
 from dfvs_service.frames import CapturedImage
 
@@ -65,18 +66,19 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
     return CaptureSource(spec, options)
 
 
-def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
-    """Refuse an image of another size than the one that was asked for.
+def check_size(image: ImageArray, wanted: tuple[int, int] | None, who: str) -> tuple[int, int]:
+    """Size (width, height) px of an image, which must be the wanted one where that is not None.
 
     Raises
     ------
     CameraError
         If it has another size.
     """
-    height, width = captured.image.shape[:2]
+    height, width = image.shape[:2]
     if wanted is not None and (width, height) != wanted:
         raise CameraError(
-            f"{who} gives images of {width} x {height} px",
-            f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
-            "choose a size that the camera has",
+            f"{who} gives {width} x {height} px",
+            f"{wanted[0]} x {wanted[1]} px, as --size, the calibration or the images before say",
+            "choose a size that the camera has, and keep to it",
         )
+    return width, height
