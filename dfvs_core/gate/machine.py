@@ -186,7 +186,8 @@ class GateMachine(TransitionState):
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
-            self._refusal = f"rejected: the goal cannot change in {self.state}, command hold first"
+            remedy = "send it again once the autopilot holds" if is_done else "command hold first"
+            self._refusal = f"rejected: the goal cannot change in {self.state}, {remedy}"
             return
         cause = (Cause.OPERATOR_GOAL, goal[:12])
         self.perception.set_goal(goal, cause)
