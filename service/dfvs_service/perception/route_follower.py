@@ -19,6 +19,7 @@ from dfvs_core.perception.route import (
     on_result,
     wants_preview,
 )
+from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
 from dfvs_service.settings.config import ServiceConfig
@@ -65,9 +66,12 @@ class RouteFollower:
         """Whether no goal follows."""
         return self.index == len(self._goals) - 1
 
-    def amend(self, report: PerceptionReport) -> PerceptionReport:
+    def amend(
+        self, report: PerceptionReport, frame_result: FrameResult | None = None
+    ) -> PerceptionReport:
         """Report for the gate: only the last goal is ever reached, and goals stay passed."""
-        if self.index and not report.healthy:
+        status = None if frame_result is None else frame_result.result.status
+        if self.index and status is Status.NO_OVERLAP:
             place = f"goal {self.index + 1} of the route's {self.count}"
             reason = f"{report.reason} ({place}; a new start of the service begins at the first)"
             report = dataclasses.replace(report, reason=reason)

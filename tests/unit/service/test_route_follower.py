@@ -16,6 +16,7 @@ from dfvs_core.perception.keyframes import HORIZON_NS
 from dfvs_core.servo.exchange import Status
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
+from dfvs_service.perception.frame_processor import unhealthy_report
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.settings.config import load_config
 
@@ -59,7 +60,7 @@ class Rig:
             Frame(image, self.now_ns, self.seq), PixelFormat.RGB8, CLOCK
         )
         glance = self.eye.process(RawSample(payload, attachment, self.now_ns))
-        report = self.route.amend(glance.report)
+        report = self.route.amend(glance.report, glance.frame_result)
         if glance.frame_result is not None:
             self.last = glance.frame_result
             self.route.follow(
@@ -103,6 +104,15 @@ def test_a_refused_frame_of_a_route_under_way_names_the_goal_and_how_to_begin_an
     assert not report.healthy
     assert "goal 2 of the route's 3" in report.reason
     assert "new start" in report.reason
+
+
+def test_a_fault_that_is_not_the_goals_names_no_goal():
+    rig = Rig()
+    rig.state = "READY"
+    rig.stay(40.0, 2)
+    assert rig.route.index == 1
+    fault = unhealthy_report(0, 0, "no camera frame on dfvs/drone1/camera for 0.25 s")
+    assert rig.route.amend(fault).reason == fault.reason
 
 
 def test_a_frame_that_coasts_does_not_begin_the_patience_with_the_next_goal_anew():
