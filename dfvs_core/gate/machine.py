@@ -141,8 +141,8 @@ class GateMachine(TransitionState):
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
-        elif is_fresh and self._is_moving and self._engagement.response is not None:
-            self._engagement.response.update(event.report)
+        elif is_fresh and self._engagement.response is not None:
+            self._update_response(self._engagement.response, event.report)
 
     def _on_command(self, command: OperatorCommand) -> None:
         action = command.action
