@@ -128,7 +128,7 @@ def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
         engagement.response = None
         engagement.is_confirmed_response = True
     # An error that is within tolerance need not fall.
-    if shown is not Response.FAILED or moment.perception.reached_since_ns is not None:
+    if shown is not Response.FAILED or moment.perception.is_within_tolerance:
         return None
     return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, response.objection))
 

@@ -141,8 +141,8 @@ class GateMachine(TransitionState):
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
-        elif is_fresh and self._is_moving and self._engagement.response is not None:
-            self._engagement.response.update(event.report)
+        elif is_fresh and self._engagement.response is not None:
+            self._update_response(self._engagement.response, event.report)
 
     def _on_command(self, command: OperatorCommand) -> None:
         action = command.action
@@ -186,7 +186,8 @@ class GateMachine(TransitionState):
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
-            self._refusal = f"rejected: the goal cannot change in {self.state}, command hold first"
+            remedy = "send it again once the autopilot holds" if is_done else "command hold first"
+            self._refusal = f"rejected: the goal cannot change in {self.state}, {remedy}"
             return
         cause = (Cause.OPERATOR_GOAL, goal[:12])
         self.perception.set_goal(goal, cause)

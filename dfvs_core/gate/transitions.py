@@ -13,6 +13,7 @@ from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.states import ENDED, Cause, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_core.gate.vehicle import Fault, VehicleMonitor
+from dfvs_core.messages.link import PerceptionReport
 
 
 class TransitionState:
@@ -153,6 +154,13 @@ class TransitionState:
             engagement.response = InitialResponse(self._now)
         else:
             engagement.response.resume(self._now)
+
+    def _update_response(self, response: InitialResponse, report: PerceptionReport) -> None:
+        """Take a good report into the initial-response check; the route may have gone on by it."""
+        if report.goals_left != response.goals_left:
+            response.change_goal(report.goals_left, self._now)
+        if self._is_moving:
+            response.update(report)
 
     def _next_setpoint(self) -> BodyVelocity | None:
         if not self._is_moving:

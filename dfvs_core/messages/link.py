@@ -35,7 +35,8 @@ class PerceptionReport:
     (:mod:`dfvs_core.servo.checks.mounting`): clearly positive where it is as the settings say,
     clearly negative where not, None where nothing can be told.
     Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an
-    operator commanded, empty while it is the one of the start.
+    operator commanded, empty while it is the one of the start. ``goals_left`` says how many goals
+    of a route follow it: only the last one ends a flight.
     """
 
     seq: int
@@ -51,6 +52,7 @@ class PerceptionReport:
     feature_error: float | None = None
     mounting_score: float | None = None
     goal: str = ""
+    goals_left: int = 0
 
 
 @dataclass(frozen=True, slots=True)

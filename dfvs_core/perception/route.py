@@ -1,7 +1,7 @@
 """Goal sequence of a route: transition from one goal to the next.
 
 A goal that is out of sight is reached by way of others, each seen from the one before (teach and
-repeat). The gate knows one goal only: until the last one, no frame counts as reached for it.
+repeat). The gate knows one goal only, and how many follow: a flight ends at the last one.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +12,6 @@ S = 1_000_000_000
 PREVIEW_PERIOD_NS = S // 4
 IN_SIGHT_PREVIEWS = 2
 """Previews in a row that must show the next goal."""
-
-RESPONSE_NS = 6 * S
-"""The gate's initial-response check goes by the error of one goal: it is not changed meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +32,11 @@ class RouteLimits:
 class RouteState:
     """What was seen on the way to one goal; times in ns, None where it is not so.
 
-    ``t_ns`` is the time of the last result.
+    ``t_ns`` is the time of the last result, ``near_ns`` the time in SERVO near the goal.
     """
 
     t_ns: int | None = None
-    engaged_since_ns: int | None = None
-    near_since_ns: int | None = None
+    near_ns: int | None = None
     previewed_ns: int | None = None
     seen: int = 0
 
@@ -49,44 +45,30 @@ def on_result(
     state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int, *, engaged: bool
 ) -> RouteState:
     """State after a frame's result for the current goal."""
-    since_ns = (
-        (t_ns if state.engaged_since_ns is None else state.engaged_since_ns) if engaged else None
-    )
     near = (
         result.status is Status.OK
         and result.error_m <= limits.near_m
         and result.error_rad <= limits.near_rad
     )
     if not near:
-        return RouteState(t_ns, since_ns, None, state.previewed_ns, 0)
-    near_ns = t_ns if state.near_since_ns is None else state.near_since_ns
-    return replace(state, t_ns=t_ns, engaged_since_ns=since_ns, near_since_ns=near_ns)
+        return RouteState(t_ns, None, state.previewed_ns, 0)
+    near_ns = 0
+    if engaged and state.t_ns is not None and state.near_ns is not None:
+        near_ns = state.near_ns + t_ns - state.t_ns
+    return replace(state, t_ns=t_ns, near_ns=near_ns)
 
 
 def on_paused_result(
     state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int
 ) -> RouteState:
     """State after a frame's result in a HOLD that may lead on: time stands still."""
-    pause_ns = 0 if state.t_ns is None else t_ns - state.t_ns
-    engaged_ns, near_ns = state.engaged_since_ns, state.near_since_ns
-    shifted = replace(
-        state,
-        engaged_since_ns=None if engaged_ns is None else engaged_ns + pause_ns,
-        near_since_ns=None if near_ns is None else near_ns + pause_ns,
-    )
-    return on_result(shifted, limits, result, t_ns, engaged=engaged_ns is not None)
-
-
-def _is_response_checked(state: RouteState, t_ns: int) -> bool:
-    """Whether the gate's initial-response check may go on."""
-    return state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS
+    return on_result(replace(state, t_ns=t_ns), limits, result, t_ns, engaged=True)
 
 
 def wants_preview(state: RouteState, t_ns: int) -> bool:
     """Whether it is time to look for the next goal."""
-    if state.near_since_ns is None or _is_response_checked(state, t_ns):
-        return False
-    return state.previewed_ns is None or t_ns - state.previewed_ns >= PREVIEW_PERIOD_NS
+    is_due = state.previewed_ns is None or t_ns - state.previewed_ns >= PREVIEW_PERIOD_NS
+    return state.near_ns is not None and is_due
 
 
 def on_preview(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
@@ -95,14 +77,11 @@ def on_preview(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns:
     return replace(state, previewed_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
 
 
-def may_go_on(state: RouteState, t_ns: int) -> bool:
+def may_go_on(state: RouteState) -> bool:
     """Whether the next goal takes the place of this one."""
-    return state.seen >= IN_SIGHT_PREVIEWS and not _is_response_checked(state, t_ns)
+    return state.seen >= IN_SIGHT_PREVIEWS
 
 
-def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:
+def is_lost(state: RouteState, limits: RouteLimits) -> bool:
     """Whether the next goal should have been in sight for too long."""
-    if state.engaged_since_ns is None or state.near_since_ns is None or state.seen:
-        return False
-    since_ns = max(state.near_since_ns, state.engaged_since_ns + RESPONSE_NS)
-    return t_ns - since_ns > limits.patience_ns
+    return state.near_ns is not None and not state.seen and state.near_ns > limits.patience_ns

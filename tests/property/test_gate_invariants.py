@@ -60,6 +60,7 @@ def reports(draw, t_ns):
         feature_error=draw(st.none() | number),
         mounting_score=draw(st.none() | st.floats(-20.0, 20.0) | anything),
         goal=draw(st.sampled_from(["", "ab" * 32])),
+        goals_left=draw(st.integers(0, 2)),
     )
 
 

@@ -17,7 +17,8 @@ medians of a few reports. The feature error does not depend on what is known of 
 error does, but it falls where the feature error stays since way and turn cancel in the image.
 
 A HOLD interrupts the check: neither its time nor its motion counts, nor what an error changes by in
-it. Errors are compared within each period in SERVO, and their falls are added up.
+it. Errors are compared within each period in SERVO, and their falls are added up. A change of a
+route's goal interrupts it likewise, and motion counts anew, towards the next goal.
 """
 
 import enum
@@ -101,6 +102,8 @@ class InitialResponse:
     """The last one that was reported."""
     is_mounted_right: bool = False
     """Whether one was high enough; perception asks for no more tilt then, and forgets."""
+    goals_left: int = 0
+    """Goals of the route that follow the present one."""
     asked_m: Vector = (0.0, 0.0, 0.0)
     asked_rad: float = 0.0
     moved_m: Vector = (0.0, 0.0, 0.0)
@@ -109,12 +112,19 @@ class InitialResponse:
     _last_yaw_rad: float = 0.0
 
     def resume(self, now_ns: int) -> None:
-        """Begin another period in SERVO, after a HOLD."""
+        """Begin another period in SERVO, after a HOLD or a change of a route's goal."""
         self.earlier = self._falls()
         if self._last_ns is not None:
             self.earlier_ns += self._last_ns - self.start_ns
         self.start_ns, self._last_ns = now_ns, None
         self.errors = []
+
+    def change_goal(self, goals_left: int, now_ns: int) -> None:
+        """Go on with the route's next goal, which lies in another direction."""
+        self.resume(now_ns)
+        self.goals_left = goals_left
+        self.asked_m = self.moved_m = (0.0, 0.0, 0.0)
+        self.asked_rad = self.turned_rad = 0.0
 
     def update(self, report: PerceptionReport) -> None:
         """Take the errors of a good report, and the mounting's statistic where it has one."""

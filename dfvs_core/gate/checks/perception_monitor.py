@@ -106,7 +106,7 @@ class PerceptionMonitor:
         self.good = report
         self.overlap = report.overlap
         self.good_since_ns = t_ns if self.good_since_ns is None else self.good_since_ns
-        if not report.reached:
+        if not report.reached or report.goals_left:
             self.reached_since_ns = None
         elif self.reached_since_ns is None:
             self.reached_since_ns = t_ns
@@ -169,8 +169,13 @@ class PerceptionMonitor:
         """Time for which data have been good without a break, -1 where they are not."""
         return -1 if self.good_since_ns is None else now_ns - self.good_since_ns
 
+    @property
+    def is_within_tolerance(self) -> bool:
+        """Whether the last good frame shows its goal within tolerance, also on a route's way."""
+        return self.good is not None and self.good.reached
+
     def reached_for_ns(self, now_ns: int) -> int:
-        """Time for which every frame showed the goal within tolerance, -1 where not."""
+        """Time for which every frame showed the last goal within tolerance, -1 where not."""
         return -1 if self.reached_since_ns is None else now_ns - self.reached_since_ns
 
     def velocity(self) -> BodyVelocity:

@@ -50,8 +50,8 @@ class IpcServer:
         self._authority = authority
         self._note = note
         self._on_fault = on_fault
-        self._accepted: dict[str, str] = {}
-        """Answers, by request id, that wait until the state machine has taken the commands."""
+        self._accepted = ""
+        """Request id of a command whose answer waits until the state machine has taken it."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.gate_socket))
         self._socket.setblocking(False)
@@ -68,8 +68,11 @@ class IpcServer:
         return self._socket.fileno()
 
     def collect(self, clock: Callable[[], int]) -> Iterator[Event]:
-        """Events of all datagrams that wait; ``clock`` gives the monotonic time in ns."""
-        while True:
+        """Events of the datagrams that wait; ``clock`` gives the monotonic time in ns.
+
+        An accepted command is the last event: a step takes one, and refuses one.
+        """
+        while not self._accepted:
             try:
                 data = self._socket.recv(65536)
             except BlockingIOError:
@@ -97,30 +100,29 @@ class IpcServer:
     def _judge(self, command: ForwardedCommand, now_ns: int) -> OperatorCommand | None:
         answer = self._authority.evaluate(command.payload.encode(errors="replace"), now_ns)
         if answer.action is not None:
-            self._accepted[answer.request] = answer.text
+            self._accepted = answer.request
             self._set_result(answer.text)
             return OperatorCommand(now_ns, answer.action, answer.argument)
         if answer.is_repeated:
             self._note("command", f"repeated: {answer.text}")
         else:
             self._set_result(answer.text)
-        if answer.request not in self._accepted:
-            self._answer(answer.request, answer.text)
+        self._answer(answer.request, answer.text)
         return None
 
     def answer_accepted(self, refusal: str) -> None:
-        """Answer the commands that the state machine has taken in this step.
+        """Answer the command that the state machine has taken in this step.
 
-        ``refusal`` says why the state forbids the last one, empty where it is obeyed.
+        ``refusal`` says why the state forbids it, empty where it is obeyed.
         """
-        if refusal and self._accepted:
-            request = next(reversed(self._accepted))
-            self._accepted[request] = self.command_result = refusal[:_MAX_TEXT]
+        if not self._accepted:
+            return
+        if refusal:
+            self.command_result = refusal[:_MAX_TEXT]
             self._note("command", self.command_result)
-            self._authority.record(request, self.command_result)
-        for request, text in self._accepted.items():
-            self._answer(request, text)
-        self._accepted.clear()
+            self._authority.record(self._accepted, self.command_result)
+        self._answer(self._accepted, self.command_result)
+        self._accepted = ""
 
     def _set_result(self, text: str) -> None:
         self.command_count += 1

@@ -11,21 +11,20 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 _MOST_TEXT_BYTES = 300
 """Of a text in JSON, which takes six bytes for a character outside of ASCII."""
 _MAX_WARNINGS = 4
-_MOST_CARRIED_S = 0.1
-"""Positions come less often than attitudes; an older one is not extrapolated further."""
 
 
 def vehicle_state(vehicle: VehicleMonitor) -> VehicleState | None:
     """Attitude with the newest velocity, and the position extrapolated to its time.
 
-    None until both were received, and where a number is not finite: the wire carries none of those.
+    It is extrapolated by no more than the age up to which it may be flown by. None until both were
+    received, and where a number is not finite: the wire carries none of those.
     """
     attitude, position = vehicle.attitude, vehicle.position
     angles = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
     numbers = (*angles, *position.velocity_m_s, *position.position_m)
     if NEVER in (attitude.t_ns, position.t_ns) or not all(map(math.isfinite, numbers)):
         return None
-    since_s = min(max(attitude.t_ns - position.t_ns, 0) / S, _MOST_CARRIED_S)
+    since_s = min(max(attitude.t_ns - position.t_ns, 0), vehicle.timing.telemetry_age_ns) / S
     x, y, z = (
         p + v * since_s for p, v in zip(position.position_m, position.velocity_m_s, strict=True)
     )

@@ -20,6 +20,7 @@ from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.messages.schema import dump
 from dfvs_core.messages.topics import Topics
+from dfvs_core.perception.frame_result import FrameResult
 from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.frames import RawSample
 from dfvs_service.gate_link import GateLink
@@ -219,7 +220,7 @@ class PerceptionProcess:
             self._last_frame_ns = now_ns
             processed = self._frame_processor.process(sample)
             if processed.is_reported:
-                self._send(processed.report)
+                self._send(processed.report, processed.frame_result)
             servo = self._publish_results(telemetry, processed)
             publisher.offer(
                 self._recorder.with_sample(sample, statuses, processed, servo), sample.payload
@@ -229,9 +230,9 @@ class PerceptionProcess:
         if self._collection_pace.due(now_ns):
             gc.collect()
 
-    def _send(self, report: PerceptionReport) -> None:
+    def _send(self, report: PerceptionReport, frame_result: FrameResult | None = None) -> None:
         """Report to the gate, with the goal that it is about."""
-        report = self._route.amend(report)
+        report = self._route.amend(report, frame_result)
         self._gate.send(dataclasses.replace(report, goal=self._goal_digest))
 
     def _go_on(

@@ -19,6 +19,7 @@ from dfvs_core.perception.route import (
     on_result,
     wants_preview,
 )
+from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
 from dfvs_service.settings.config import ServiceConfig
@@ -47,7 +48,6 @@ class RouteFollower:
         self._workers = workers
         self._ahead: tuple[ServoTask, GoalView] | None = None
         self._evaluation: Future[GoalPreview] | None = None
-        self._is_lost = False
         self.index = 0
 
     @property
@@ -65,23 +65,24 @@ class RouteFollower:
         """Whether no goal follows."""
         return self.index == len(self._goals) - 1
 
-    def amend(self, report: PerceptionReport) -> PerceptionReport:
-        """Report for the gate: only the last goal is ever reached, and goals stay passed."""
-        if self.index:
+    def amend(
+        self, report: PerceptionReport, frame_result: FrameResult | None = None
+    ) -> PerceptionReport:
+        """Report for the gate: how many goals follow; lost if the next is not seen in time."""
+        status = None if frame_result is None else frame_result.result.status
+        reason = report.reason
+        if self.index and (report.healthy or status is Status.NO_OVERLAP):
             place = (
                 f"goal {self.index + 1} of the route's {self.count}; "
                 "a new start of the service begins at the first"
             )
-            reason = f"{report.reason} ({place})" if report.reason else place
-            report = dataclasses.replace(report, reason=reason)
-        if self.is_last:
-            return report
-        if self._is_lost:
+            reason = f"{reason} ({place})" if reason else place
+        left = self.count - 1 - self.index
+        if is_lost(self._state, self._limits):
             reason = f"goal {self.index + 2} of the route's {self.count} does not come in sight"
-            return dataclasses.replace(
-                report, velocity=(0.0,) * 4, healthy=False, lost=True, reached=False, reason=reason
-            )
-        return dataclasses.replace(report, reached=False)
+            still = (0.0, 0.0, 0.0, 0.0)
+            report = dataclasses.replace(report, velocity=still, healthy=False, lost=True)
+        return dataclasses.replace(report, reason=reason, goals_left=left)
 
     def follow(
         self, frame_result: FrameResult, t_ns: int, *, engaged: bool, paused: bool = False
@@ -97,7 +98,6 @@ class RouteFollower:
             self._state = on_paused_result(self._state, limits, result, t_ns)
         else:
             self._state = on_result(self._state, limits, result, t_ns, engaged=engaged)
-        self._is_lost = is_lost(self._state, limits, t_ns)
 
     def go_on(self, pipeline: Pipeline, t_ns: int) -> bool:
         """Evaluate the next goal if it is time; returns whether it has become the current one."""
@@ -109,12 +109,12 @@ class RouteFollower:
             return False
         preview, self._evaluation = self._evaluation.result(), None
         self._state = on_preview(self._state, self._limits, preview.result, t_ns)
-        if self._ahead is None or not may_go_on(self._state, t_ns):
+        if self._ahead is None or not may_go_on(self._state):
             return False
         pipeline.set_goal(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
-        self._state = RouteState(self._state.t_ns, self._state.engaged_since_ns)
+        self._state = RouteState(self._state.t_ns)
         return True
 
     def _begin_evaluation(self, pipeline: Pipeline, t_ns: int) -> None:

@@ -22,6 +22,7 @@ from dfvs_service.perception.assembly import Clocks, build_frame_processor, serv
 from dfvs_service.perception.frame_processor import UNKNOWN_ATTITUDE, FrameProcessor
 from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.goal_file import is_image
 
 _ROUTE_RECORDING = "ROUTE_RECORDING"
 """Not a state of the gate: the vehicle follows its pilot, and no progress is asked for."""
@@ -170,7 +171,7 @@ def prepare_route_folder(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        is_empty = not any(folder.glob("*.png"))
+        is_empty = not any(is_image(path) for path in folder.iterdir())
     except OSError as error:
         raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
     if not is_empty:

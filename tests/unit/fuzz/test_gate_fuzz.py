@@ -178,7 +178,7 @@ def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
     monkeypatch.setattr(owner, name, breaking(getattr(owner, name)))
     rules = set()
     # Every twentieth is run twice, as I7 needs it.
-    for number in range(0, 800, 20) if rule == "I7" else range(1, 41):
+    for number in range(0, 800, 20) if rule == "I7" else range(1, 61):
         finding = run_episode((0, number), GateTally())
         rules.add(finding and finding.rule)
         if rule in rules:

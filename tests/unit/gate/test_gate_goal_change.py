@@ -32,8 +32,12 @@ def test_what_moves_or_is_about_to_keeps_its_goal(state):
 
 def test_a_vehicle_that_is_being_handed_over_keeps_its_goal():
     gate = at_goal(auto_config(on_done=OnDone.HOLD))
-    assert "cannot change in DONE" in gate.command(Action.GOAL, GOAL).refusal
+    assert gate.command(Action.GOAL, GOAL).refusal == (
+        "rejected: the goal cannot change in DONE, send it again once the autopilot holds"
+    )
     assert gate.machine.perception.goal == ""
+    gate.run(1.5)
+    assert gate.command(Action.GOAL, GOAL).refusal == ""
 
 
 def test_a_ready_gate_goes_back_to_its_checks():

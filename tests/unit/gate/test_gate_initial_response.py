@@ -608,3 +608,67 @@ def test_a_bad_report_is_no_observation():
     gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
     gate.send([BadReport(gate.now_ns, "not JSON"), gate.report(mounting_score=-9.0)])
     assert gate.state is GateState.HOLD
+
+
+# --- a route --------------------------------------------------------------------------------
+
+
+def at_first_goal(**changes):
+    """A gate in SERVO within tolerance of the first of two goals."""
+    gate = Rehearsal(auto_config(), fall_m_s=0.0, error_m=0.02, **changes)
+    gate.changes = {"goals_left": 1, "reached": True}
+    return gate.until(GateState.SERVO)
+
+
+def test_within_tolerance_of_a_goal_on_the_way_an_error_need_not_fall_and_nothing_is_reached():
+    gate = at_first_goal(asked=(0.03, 0.0, 0.0, 0.0)).run(9.0)
+    assert gate.state is GateState.SERVO
+    gate.changes = {"goals_left": 1}
+    gate.tick()
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.ERROR_NOT_FALLING)
+
+
+def test_the_last_goal_is_reached_after_a_second_of_its_own():
+    gate = at_first_goal().run(3.0)
+    gate.changes["goals_left"] = 0
+    gate.run(0.96)
+    assert gate.state is GateState.SERVO
+    gate.until(GateState.DONE, 0.1)
+
+
+@pytest.mark.parametrize("asked", [(0.0, 0.0, 0.0, 0.0), (0.0, -0.05, 0.0, 0.0)])
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize(("fall_m_s", "state"), [(0.1, "SERVO"), (0.0, "ABORT")])
+def test_the_error_of_the_next_goal_is_not_compared_with_that_of_the_last(
+    asked, held, fall_m_s, state
+):
+    gate = at_first_goal(asked=asked).run(8.0)
+    if held:
+        gate.send([gate.report(healthy=False)])
+    gate.changes, gate.error_m, gate.fall_m_s = {}, 1.0, fall_m_s
+    gate.asked = (0.4, 0.0, 0.0, 0.0)
+    gate.run(4.0)
+    assert gate.state is GateState(state)
+    if state == "SERVO":
+        assert speeds(gate)[-1] == pytest.approx(0.4)  # confirmed
+    else:
+        assert gate.last.cause is Cause.ERROR_NOT_FALLING
+        assert max(speeds(gate)) <= 0.1 + 1e-12
+
+
+def test_a_change_of_goal_adds_to_time_and_falls_and_begins_the_motion_anew():
+    motion = Motion().run(5.02).see(errors(distance=(1.0, 0.985)))
+    motion.check.change_goal(0, motion.now_ns)
+    assert (motion.check.asked_m, motion.check.moved_m) == ((0.0, 0.0, 0.0),) * 2
+    motion.see(errors(distance=(3.0, 2.985))).run(1.02)
+    assert motion.check.followed_m == pytest.approx(0.1)
+    assert motion.judge() is Response.CONFIRMED
+
+
+def test_a_change_of_goal_begins_the_turn_anew():
+    motion = Motion().run(5.02, TURN)
+    motion.check.change_goal(0, motion.now_ns)
+    assert motion.check.evaluate(motion.now_ns + S, TIMING) is Response.OPEN
+    assert motion.check.followed_rad == 0.0
+    assert motion.run(1.02, TURN).check.followed_rad == pytest.approx(0.2)
+    assert motion.judge() is Response.FAILED

@@ -1,12 +1,12 @@
 import pytest
 
-from dfvs_core.gate.config import GateConfig
-from dfvs_core.gate.events import Heartbeat, VehicleMode
+from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.events import Attitude, Heartbeat, LocalPosition, VehicleMode
 from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.messages.link import from_gate, to_datagram
-from dfvs_service.gate.status import gate_status
-
-S = 1_000_000_000
+from dfvs_core.perception.vehicle_history import VehicleHistory
+from dfvs_service.gate.status import gate_status, vehicle_state
 
 
 def status(machine, now_ns):
@@ -33,3 +33,16 @@ def test_long_texts_in_any_script_fit_one_datagram(sign):
     for text in (told.cause, *told.warnings):
         assert len(text) >= 25
         assert set(text) == {sign}
+
+
+@pytest.mark.parametrize("missing_ms", [200, 350, 450])
+def test_no_way_is_lost_while_the_position_alone_is_missing_for_as_long_as_the_link_check_allows(
+    missing_ms,
+):
+    vehicle, history = VehicleMonitor(), VehicleHistory()
+    for t_ms in range(0, 4000, 20):
+        vehicle.update(Attitude(t_ms * MS, 0.0, 0.0, 0.0))
+        if not 2000 <= t_ms < 2000 + missing_ms:
+            vehicle.update(LocalPosition(t_ms * MS, (1e-3 * t_ms, 0.0, 0.0), (1.0, 0.0, 0.0)))
+        history.add(vehicle_state(vehicle))
+    assert history.at(3900 * MS).displacement_m[0] == pytest.approx(3.9)

@@ -118,7 +118,7 @@ def test_a_repeated_command_gets_the_same_answer_and_is_no_order(post, link, tmp
     post.answer_accepted("rejected: not now")
     send(tmp_path, datagram)
     assert collected(post) == []
-    assert link() == [CommandAnswer(request, "rejected: not now")] * 2
+    assert link() == [CommandAnswer(request, "rejected: not now")] * 3
     assert (post.command_count, post.command_result) == (1, "rejected: not now")
 
 
@@ -128,10 +128,25 @@ def test_the_answer_to_one_command_is_not_that_to_another(post, link, tmp_path):
     send(tmp_path, good, forged)
     collected(post)
     post.answer_accepted("")
+    collected(post)
     assert {(answer.request, answer.result.split(",")[0]) for answer in link()} == {
         (rejected, "rejected: wrong signature"),
         (accepted, "accepted: hold"),
     }
+
+
+def test_each_of_two_commands_gets_its_own_answer(post, link, tmp_path):
+    """Two operators may send one each within the same step."""
+    hold, abort = command(), command(action=Action.ABORT)
+    send(tmp_path, hold[0], abort[0])
+    assert [event.action for event in collected(post)] == [Action.HOLD]
+    post.answer_accepted("rejected: not now")
+    assert [event.action for event in collected(post)] == [Action.ABORT]
+    post.answer_accepted("")
+    assert link() == [
+        CommandAnswer(hold[1], "rejected: not now"),
+        CommandAnswer(abort[1], "accepted: abort"),
+    ]
 
 
 def test_an_order_that_the_state_forbids_is_answered_so(post, link, tmp_path):

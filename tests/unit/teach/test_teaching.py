@@ -194,6 +194,14 @@ def test_a_folder_with_a_route_in_it_is_refused(tmp_path):
         prepare_route_folder(tmp_path / "new")
 
 
+@pytest.mark.parametrize("name", ["IMG_1.jpg", "002.jpeg", "old.PNG"])
+def test_a_folder_with_an_image_of_another_kind_is_refused(name, tmp_path):
+    """The route would lead to it, too."""
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(ConfigError, match="holds images already"):
+        prepare_route_folder(tmp_path)
+
+
 def test_a_goal_is_written_whole_or_not_at_all(tmp_path):
     sidecar = sidecar_of(CAMERA, Mount(), None)
     with pytest.raises(ConfigError, match=r"ends in \.png"):

@@ -75,6 +75,7 @@ class Environment:
     mounting_score: float | None = 3.0
     falls: bool = True
     reached: bool = False
+    goals_left: int = 0
     lost: bool = False
     report_healthy: bool = True
     overlap: float = 0.8
@@ -128,6 +129,7 @@ def _sight(environment: Environment, rng: RandomSource) -> Environment:
         {"falls": False, "error_m": 5.0},
         {"overlap": rng.between(0.0, 0.2)},
         {"reached": not environment.reached},
+        {"goals_left": rng.integer(0, 2)},
         {"error_m": rng.pick(_ODD_NUMBERS)},
         {"mounting_score": rng.pick((None, 50.0, 6.0, -5.0, -50.0, *_ODD_NUMBERS))},
     )

@@ -240,6 +240,7 @@ class Surroundings:
             environment.error_m,
             score,
             goal=self._seen_goal,
+            goals_left=environment.goals_left,
         )
 
     def _shuffle(self, events: list[Event]) -> None:
