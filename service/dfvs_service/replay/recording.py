@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message
 
+from dfvs_common.file_order import numbered
 from dfvs_common.progress import log
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
@@ -152,8 +153,8 @@ def _run(header: SessionHeader, from_ns: int) -> Run:
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
-    """Files of a recording in the order of their names, a repaired copy after its original."""
-    return sorted(paths, key=lambda path: (path.parent, path.stem))
+    """Files in the order of their names, wherever they lie, a repaired copy after its original."""
+    return sorted(paths, key=lambda path: (numbered(path), path.parent))
 
 
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
