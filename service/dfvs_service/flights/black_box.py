@@ -124,12 +124,12 @@ class BlackBox:
         with self._unless_refused():
             if self._parts is None:
                 self._parts = self._begin()
+            self._check_room()
             for copy in self._parts.copies:
                 self._update(copy)
             if now_ns >= self._next_sync_ns:
                 self._next_sync_ns = now_ns + SYNC_NS
                 self._parts.sync()
-                self._check_room()
 
     def close(self) -> None:
         """Copy the rest and bring the flight to its end."""

@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_service.flights import black_box
 from dfvs_service.flights.black_box import MB, BlackBox, Clock
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import FlightStore, folder_bytes, is_running
@@ -200,3 +202,27 @@ def test_a_new_flight_makes_room_for_itself(tmp_path):
 def test_a_flight_may_not_be_larger_than_all_flights():
     with pytest.raises(ConfigError, match=r"max_flight_mb = 20 is more than .*max_total_mb = 10"):
         load_config(None, {"black_box.max_flight_mb": 20, "black_box.max_total_mb": 10})
+
+
+class Disk:
+    """Free space of every disk."""
+
+    free = 10**12
+
+
+@pytest.fixture
+def disk(monkeypatch):
+    disk = Disk()
+    monkeypatch.setattr(black_box.shutil, "disk_usage", lambda _: SimpleNamespace(free=disk.free))
+    return disk
+
+
+def test_logs_too_are_not_written_on_a_disk_that_is_full(desk, disk):
+    desk.later(0)
+    disk.free = 0
+    desk.log(t_ns=1)
+    desk.later(0.2).later(5).later(1)
+    assert not (desk.box.folder / "gate.jsonl").exists()
+    disk.free = 10**12
+    desk.later(6)
+    assert list(read_lines(desk.box.folder / "gate.jsonl")) == [{"t_ns": 1}]
