@@ -27,6 +27,8 @@ SYNC_NS = 1_000_000_000
 RETRY_NS = 5_000_000_000
 
 JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
+_SENT_ONCE = frozenset({"goal", "route", "build"})
+"""The newest record of each waits where it cannot be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,7 @@ class BlackBox:
         self._parts: _Parts | None = None
         self._next_sync_ns = self._retry_ns = self._started_ns
         self._warned = ""
+        self._owed: dict[str, tuple[int, bytes]] = {}
         self.folder: Path | None = None
         """Folder of the flight, None until it could be made."""
         self.dropped = 0
@@ -102,19 +105,24 @@ class BlackBox:
     def add(self, stream: str, payload: bytes) -> None:
         """Take a record: JSON of a telemetry stream or of the build, JPEG of a view or a goal."""
         now_ns = self._clock.monotonic_ns()
-        parts = self._parts
-        if parts is None or now_ns < self._retry_ns:
-            self.dropped += 1
+        if stream in _SENT_ONCE:
+            self._owed[stream] = now_ns, payload
+        if self._parts is None or now_ns < self._retry_ns:
+            self.dropped += stream not in _SENT_ONCE
             return
-        with self._unless_refused(records=1):
-            if stream in JSON_STREAMS:
-                parts.telemetry.append(b'{"stream":"%s","data":%s}' % (stream.encode(), payload))
-            elif stream == "thumbnail":
-                parts.thumbnails.add(f"{now_ns}.jpg", payload)
-            elif stream == "goal":
-                parts.goals.add(f"{now_ns}.jpg", payload)
-            elif stream == "build" and self.folder is not None:
-                write_atomic(self.folder / layout.BUILD, payload)
+        with self._unless_refused(records=stream not in _SENT_ONCE):
+            self._keep(self._parts, stream, payload, now_ns)
+
+    def _keep(self, parts: _Parts, stream: str, payload: bytes, t_ns: int) -> None:
+        if stream in JSON_STREAMS:
+            parts.telemetry.append(b'{"stream":"%s","data":%s}' % (stream.encode(), payload))
+        elif stream == "thumbnail":
+            parts.thumbnails.add(f"{t_ns}.jpg", payload)
+        elif stream == "goal":
+            parts.goals.add(f"{t_ns}.jpg", payload)
+        elif stream == "build" and self.folder is not None:
+            write_atomic(self.folder / layout.BUILD, payload)
+        self._owed.pop(stream, None)
 
     def update(self) -> None:
         """Copy what the logs have grown by, and do what is due; to be called several times a s."""
@@ -125,6 +133,8 @@ class BlackBox:
             if self._parts is None:
                 self._parts = self._begin()
             self._check_room()
+            for stream, (t_ns, payload) in tuple(self._owed.items()):
+                self._keep(self._parts, stream, payload, t_ns)
             for copy in self._parts.copies:
                 self._update(copy)
             if now_ns >= self._next_sync_ns:

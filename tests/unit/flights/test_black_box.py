@@ -226,3 +226,21 @@ def test_logs_too_are_not_written_on_a_disk_that_is_full(desk, disk):
     disk.free = 10**12
     desk.later(6)
     assert list(read_lines(desk.box.folder / "gate.jsonl")) == [{"t_ns": 1}]
+
+
+def test_what_is_sent_once_is_kept_as_soon_as_there_is_room(desk, disk):
+    desk.later(0)
+    disk.free = 0
+    desk.later(1)
+    for goal in (b"older", b"newer"):
+        desk.box.add("goal", goal)
+    desk.box.add("build", b"{}")
+    desk.box.add("route", b'{"leg":1}')
+    sent_ns = desk.now_ns
+    disk.free = 10**12
+    desk.later(6).later(1)
+    folder = desk.box.folder
+    assert (folder / "build.json").read_bytes() == b"{}"
+    assert (folder / "goals" / f"{sent_ns}.jpg").read_bytes() == b"newer"
+    kept = list(read_lines(folder / "telemetry-000.jsonl"))
+    assert kept == [{"stream": "route", "data": {"leg": 1}}]
