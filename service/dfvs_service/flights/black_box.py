@@ -9,6 +9,7 @@ import contextlib
 import importlib.metadata
 import json
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ MB = 1_000_000
 SYNC_NS = 1_000_000_000
 """A power loss costs at most what was written in this time."""
 RETRY_NS = 5_000_000_000
+_WELL_NS = 60_000_000_000
+"""A refusal is told again once the disk refused nothing for so long."""
 
 JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
 _SENT_ONCE = frozenset({"goal", "route", "build"})
@@ -133,10 +136,10 @@ class BlackBox:
             if self._parts is None:
                 self._parts = self._begin()
             self._check_room()
-            for stream, (t_ns, payload) in tuple(self._owed.items()):
-                self._keep(self._parts, stream, payload, t_ns)
             for copy in self._parts.copies:
                 self._update(copy)
+            for stream, (t_ns, payload) in tuple(self._owed.items()):
+                self._keep(self._parts, stream, payload, t_ns)
             if now_ns >= self._next_sync_ns:
                 self._next_sync_ns = now_ns + SYNC_NS
                 self._parts.sync()
@@ -163,11 +166,16 @@ class BlackBox:
 
     def _pause(self, reason: str) -> None:
         """Write nothing for a while; what was written stays."""
-        self._retry_ns = self._clock.monotonic_ns() + RETRY_NS
-        if reason != self._warned:
+        now_ns = self._clock.monotonic_ns()
+        if reason != self._warned or now_ns > self._retry_ns + _WELL_NS:
             self._warned = reason
             where = self._store.path if self.folder is None else self.folder
-            self._warn(f"the black box cannot write to {where} ({reason}); the flight goes on")
+            at = time.strftime("%H:%M", time.gmtime(self._clock.unix_ns() * 1e-9))
+            self._warn(
+                f"the black box could not write to {where} at {at} UTC ({reason}) and tries again; "
+                "the flight goes on"
+            )
+        self._retry_ns = now_ns + RETRY_NS
 
     def _begin(self) -> _Parts:
         """Make the flight's folder with all that is known at the start."""

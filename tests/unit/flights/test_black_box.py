@@ -38,7 +38,7 @@ class Desk:
         self.store = FlightStore(folder / "flights")
         self.now_ns = 5 * S
         self.warnings = []
-        clock = Clock(lambda: self.now_ns, lambda: 1_700_000_000 * S)
+        clock = Clock(lambda: self.now_ns, lambda: 1_699_999_995 * S + self.now_ns)
         self.box = BlackBox(config, self.store, self.runtime, clock, self.warnings.append)
 
     def later(self, seconds):
@@ -244,3 +244,15 @@ def test_what_is_sent_once_is_kept_as_soon_as_there_is_room(desk, disk):
     assert (folder / "goals" / f"{sent_ns}.jpg").read_bytes() == b"newer"
     kept = list(read_lines(folder / "telemetry-000.jsonl"))
     assert kept == [{"stream": "route", "data": {"leg": 1}}]
+
+
+def test_a_disk_that_is_full_again_later_is_told_again(desk, disk):
+    desk.later(0)
+    for pause_s in (100, 200, 3600, 3800):
+        disk.free = 10**12 * (pause_s in (200, 3800))
+        desk.now_ns = pause_s * S
+        for _ in range(6):
+            desk.later(6)
+    first, second = desk.warnings
+    assert "are free" in first
+    assert first != second  # what was told once is not shown again
