@@ -9,23 +9,32 @@ from typing import Any
 from dfvs_core.errors import ConfigError
 
 
-def write_atomic(path: Path, data: bytes) -> None:
+def write_atomic(path: Path, data: bytes, *before: tuple[Path, bytes]) -> None:
     """Write a file so that it is whole or not there at all, also after a power loss.
+
+    ``before`` are files of its folder that belong to it. They appear right before it, once all of
+    them are on the disk.
 
     Raises
     ------
     OSError
-        If it cannot be written; what was there before stays.
+        If one cannot be written; what was there before stays.
     """
-    partial = path.with_name(path.name + ".part")
+    files = [
+        (place, place.with_name(place.name + ".part"), content)
+        for place, content in (*before, (path, data))
+    ]
     try:
-        with partial.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
+        for _, partial, content in files:
+            with partial.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+        for place, partial, _ in files:
+            os.replace(partial, place)
     except OSError:
-        partial.unlink(missing_ok=True)
+        for _, partial, _ in files:
+            partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
 
@@ -43,8 +52,8 @@ def replace_json(path: Path, document: Any) -> None:
     write_atomic(path, (json.dumps(document, indent=2, allow_nan=False) + "\n").encode())
 
 
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file that a user named, whole or not at all.
+def replace_file(path: Path, data: bytes, *before: tuple[Path, bytes]) -> None:
+    """Write a file that a user named, as `write_atomic` does.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def replace_file(path: Path, data: bytes) -> None:
         If it cannot be written.
     """
     try:
-        write_atomic(path, data)
+        write_atomic(path, data, *before)
     except OSError as error:
         raise ConfigError(
             f"{path} cannot be written ({error.strerror})", "a folder that exists and is writable"

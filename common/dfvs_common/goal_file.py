@@ -10,7 +10,7 @@ from dfvs_core.messages.image import encode_png
 
 
 def write_goal(image_path: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
-    """Write a goal, its sidecar first: an image is never without one.
+    """Write a goal: both files anew, or neither where one cannot be written.
 
     Raises
     ------
@@ -21,5 +21,5 @@ def write_goal(image_path: Path, image: ImageArray, sidecar: GoalSidecar) -> Non
         raise ConfigError(
             f"the goal image is to be {str(image_path)!r}", "a name that ends in .png"
         )
-    replace_file(image_path.with_suffix(".json"), sidecar.to_json().encode())
-    replace_file(image_path, encode_png(image))
+    text = sidecar.to_json().encode()
+    replace_file(image_path, encode_png(image), (image_path.with_suffix(".json"), text))

@@ -6,6 +6,7 @@ import datetime
 import ipaddress
 import os
 import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,11 +134,17 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
 
 
 def write_credentials(folder: Path, credentials: Credentials, authority: Credentials) -> None:
-    """Write ``certificate.pem``, ``key.pem`` (0600) and ``ca.pem`` into a new private folder."""
-    folder.mkdir(mode=0o700)
-    write_new(folder / "certificate.pem", _pem(credentials.certificate), 0o644)
-    write_new(folder / "key.pem", _key_pem(credentials.key), 0o600)
-    write_new(folder / "ca.pem", _pem(authority.certificate), 0o644)
+    """Write ``certificate.pem``, ``key.pem`` (0600) and ``ca.pem`` into a new private folder.
+
+    The folder is there once it is whole.
+    """
+    partial = folder.with_name(folder.name + ".part")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(mode=0o700)
+    write_new(partial / "certificate.pem", _pem(credentials.certificate), 0o644)
+    write_new(partial / "key.pem", _key_pem(credentials.key), 0o600)
+    write_new(partial / "ca.pem", _pem(authority.certificate), 0o644)
+    partial.rename(folder)
 
 
 def _pem(certificate: x509.Certificate) -> bytes:

@@ -9,6 +9,7 @@ import contextlib
 import importlib.metadata
 import json
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +26,12 @@ MB = 1_000_000
 SYNC_NS = 1_000_000_000
 """A power loss costs at most what was written in this time."""
 RETRY_NS = 5_000_000_000
+_WELL_NS = 60_000_000_000
+"""A refusal is told again once the disk refused nothing for so long."""
 
 JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
+_SENT_ONCE = frozenset({"goal", "route", "build"})
+"""The newest record of each waits where it cannot be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +99,7 @@ class BlackBox:
         self._parts: _Parts | None = None
         self._next_sync_ns = self._retry_ns = self._started_ns
         self._warned = ""
+        self._owed: dict[str, tuple[int, bytes]] = {}
         self.folder: Path | None = None
         """Folder of the flight, None until it could be made."""
         self.dropped = 0
@@ -102,19 +108,24 @@ class BlackBox:
     def add(self, stream: str, payload: bytes) -> None:
         """Take a record: JSON of a telemetry stream or of the build, JPEG of a view or a goal."""
         now_ns = self._clock.monotonic_ns()
-        parts = self._parts
-        if parts is None or now_ns < self._retry_ns:
-            self.dropped += 1
+        if stream in _SENT_ONCE:
+            self._owed[stream] = now_ns, payload
+        if self._parts is None or now_ns < self._retry_ns:
+            self.dropped += stream not in _SENT_ONCE
             return
-        with self._unless_refused(records=1):
-            if stream in JSON_STREAMS:
-                parts.telemetry.append(b'{"stream":"%s","data":%s}' % (stream.encode(), payload))
-            elif stream == "thumbnail":
-                parts.thumbnails.add(f"{now_ns}.jpg", payload)
-            elif stream == "goal":
-                parts.goals.add(f"{now_ns}.jpg", payload)
-            elif stream == "build" and self.folder is not None:
-                write_atomic(self.folder / layout.BUILD, payload)
+        with self._unless_refused(records=stream not in _SENT_ONCE):
+            self._keep(self._parts, stream, payload, now_ns)
+
+    def _keep(self, parts: _Parts, stream: str, payload: bytes, t_ns: int) -> None:
+        if stream in JSON_STREAMS:
+            parts.telemetry.append(b'{"stream":"%s","data":%s}' % (stream.encode(), payload))
+        elif stream == "thumbnail":
+            parts.thumbnails.add(f"{t_ns}.jpg", payload)
+        elif stream == "goal":
+            parts.goals.add(f"{t_ns}.jpg", payload)
+        elif stream == "build" and self.folder is not None:
+            write_atomic(self.folder / layout.BUILD, payload)
+        self._owed.pop(stream, None)
 
     def update(self) -> None:
         """Copy what the logs have grown by, and do what is due; to be called several times a s."""
@@ -124,12 +135,14 @@ class BlackBox:
         with self._unless_refused():
             if self._parts is None:
                 self._parts = self._begin()
+            self._check_room()
             for copy in self._parts.copies:
                 self._update(copy)
+            for stream, (t_ns, payload) in tuple(self._owed.items()):
+                self._keep(self._parts, stream, payload, t_ns)
             if now_ns >= self._next_sync_ns:
                 self._next_sync_ns = now_ns + SYNC_NS
                 self._parts.sync()
-                self._check_room()
 
     def close(self) -> None:
         """Copy the rest and bring the flight to its end."""
@@ -153,11 +166,16 @@ class BlackBox:
 
     def _pause(self, reason: str) -> None:
         """Write nothing for a while; what was written stays."""
-        self._retry_ns = self._clock.monotonic_ns() + RETRY_NS
-        if reason != self._warned:
+        now_ns = self._clock.monotonic_ns()
+        if reason != self._warned or now_ns > self._retry_ns + _WELL_NS:
             self._warned = reason
             where = self._store.path if self.folder is None else self.folder
-            self._warn(f"the black box cannot write to {where} ({reason}); the flight goes on")
+            at = time.strftime("%H:%M", time.gmtime(self._clock.unix_ns() * 1e-9))
+            self._warn(
+                f"the black box could not write to {where} at {at} UTC ({reason}) and tries again; "
+                "the flight goes on"
+            )
+        self._retry_ns = now_ns + RETRY_NS
 
     def _begin(self) -> _Parts:
         """Make the flight's folder with all that is known at the start."""

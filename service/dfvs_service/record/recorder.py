@@ -21,6 +21,8 @@ from dfvs_service.settings.record_sections import RecordSection
 MB = 1_000_000
 _SYNC_NS = 1_000_000_000
 _RETRY_NS = 5_000_000_000
+_WELL_NS = 60_000_000_000
+"""A pause is told again once recording went well for so long."""
 
 
 @dataclass(slots=True)
@@ -76,6 +78,7 @@ class Recorder:
         self._begun = 0
         self._next_record: int | None = None
         self._next_sync_ns = self._retry_ns = 0
+        self._warned = ""
         self.counts = RecordCounts()
 
     @property
@@ -142,7 +145,7 @@ class Recorder:
                     self._pause(f"less than {self._free_bytes // MB} MB are free")
                     return True
         except OSError as error:
-            self._pause(f"{file.path}: {error.strerror}")
+            self._pause(f"{self._folder}: {error.strerror}")
             return False
         if file.size_bytes >= self._file_bytes and not first:
             self._finish()
@@ -160,7 +163,7 @@ class Recorder:
         try:
             self._file = McapFile(path, _notes(header))
         except OSError as error:
-            self._pause(f"{path}: {error.strerror}")
+            self._pause(f"{self._folder}: {error.strerror}")
             return False
         self._begun += 1
         self._make_room()
@@ -178,12 +181,20 @@ class Recorder:
 
     def _pause(self, why: str) -> None:
         """Write nothing for a while; what was written stays."""
-        self._retry_ns = self._tick() + _RETRY_NS
-        self._warn(f"recording pauses, {self.counts.dropped} frame records dropped so far: {why}")
+        now_ns = self._tick()
+        if why != self._warned or now_ns > self._retry_ns + _WELL_NS:
+            self._warned = why
+            self._warn(f"recording pauses: {why}")
+        self._retry_ns = now_ns + _RETRY_NS
         if self._file is not None:
-            self._written.append(self._file.path)
-            self._file.abandon()
-            self._file = None
+            file, self._file = self._file, None
+            file.abandon()
+            if file_bytes(file.path):
+                self._written.append(file.path)
+            else:
+                with contextlib.suppress(OSError):
+                    file.path.unlink()
+                    self._begun -= 1
 
     def _make_room(self) -> None:
         """Remove this recording's oldest files while it would grow beyond its limit."""

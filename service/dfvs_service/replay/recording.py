@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message
 
+from dfvs_common.file_order import numbered
 from dfvs_common.progress import log
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
@@ -145,7 +146,7 @@ def _in_runs(entries: Iterable[Entry]) -> Iterator[Entry]:
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
     """Files in the order of their names, wherever they lie, a repaired copy after its original."""
-    return sorted(paths, key=lambda path: (path.stem, path.parent))
+    return sorted(paths, key=lambda path: (numbered(path), path.parent))
 
 
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.file_order import numbered
 from dfvs_core.errors import DfvsError, WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import (
@@ -116,7 +117,7 @@ def _steps(path: Path) -> Iterator[Step]:
 
 
 def _telemetry(folder: Path, stream: str) -> Iterator[dict[str, Any]]:
-    for path in sorted(folder.glob(f"{layout.TELEMETRY}-*.jsonl")):
+    for path in sorted(folder.glob(f"{layout.TELEMETRY}-*.jsonl"), key=numbered):
         for record in read_lines(path):
             if record.get("stream") == stream and isinstance(record.get("data"), dict):
                 yield record["data"]

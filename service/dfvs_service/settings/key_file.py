@@ -71,7 +71,11 @@ def create_key(path: Path) -> None:
     """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        try:
+            with os.fdopen(descriptor, "w", encoding="ascii") as file:
+                file.write(secrets.token_hex(_NEW_KEY_BYTES) + "\n")
+        except OSError:
+            path.unlink()
+            raise
     except OSError as error:
         raise ConfigError(f"cannot create {path} ({error.strerror})", "a new file") from error
-    with os.fdopen(descriptor, "w", encoding="ascii") as file:
-        file.write(secrets.token_hex(_NEW_KEY_BYTES) + "\n")

@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_service.flights import black_box
 from dfvs_service.flights.black_box import MB, BlackBox, Clock
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import FlightStore, folder_bytes, is_running
@@ -36,7 +38,7 @@ class Desk:
         self.store = FlightStore(folder / "flights")
         self.now_ns = 5 * S
         self.warnings = []
-        clock = Clock(lambda: self.now_ns, lambda: 1_700_000_000 * S)
+        clock = Clock(lambda: self.now_ns, lambda: 1_699_999_995 * S + self.now_ns)
         self.box = BlackBox(config, self.store, self.runtime, clock, self.warnings.append)
 
     def later(self, seconds):
@@ -200,3 +202,57 @@ def test_a_new_flight_makes_room_for_itself(tmp_path):
 def test_a_flight_may_not_be_larger_than_all_flights():
     with pytest.raises(ConfigError, match=r"max_flight_mb = 20 is more than .*max_total_mb = 10"):
         load_config(None, {"black_box.max_flight_mb": 20, "black_box.max_total_mb": 10})
+
+
+class Disk:
+    """Free space of every disk."""
+
+    free = 10**12
+
+
+@pytest.fixture
+def disk(monkeypatch):
+    disk = Disk()
+    monkeypatch.setattr(black_box.shutil, "disk_usage", lambda _: SimpleNamespace(free=disk.free))
+    return disk
+
+
+def test_logs_too_are_not_written_on_a_disk_that_is_full(desk, disk):
+    desk.later(0)
+    disk.free = 0
+    desk.log(t_ns=1)
+    desk.later(0.2).later(5).later(1)
+    assert not (desk.box.folder / "gate.jsonl").exists()
+    disk.free = 10**12
+    desk.later(6)
+    assert list(read_lines(desk.box.folder / "gate.jsonl")) == [{"t_ns": 1}]
+
+
+def test_what_is_sent_once_is_kept_as_soon_as_there_is_room(desk, disk):
+    desk.later(0)
+    disk.free = 0
+    desk.later(1)
+    for goal in (b"older", b"newer"):
+        desk.box.add("goal", goal)
+    desk.box.add("build", b"{}")
+    desk.box.add("route", b'{"leg":1}')
+    sent_ns = desk.now_ns
+    disk.free = 10**12
+    desk.later(6).later(1)
+    folder = desk.box.folder
+    assert (folder / "build.json").read_bytes() == b"{}"
+    assert (folder / "goals" / f"{sent_ns}.jpg").read_bytes() == b"newer"
+    kept = list(read_lines(folder / "telemetry-000.jsonl"))
+    assert kept == [{"stream": "route", "data": {"leg": 1}}]
+
+
+def test_a_disk_that_is_full_again_later_is_told_again(desk, disk):
+    desk.later(0)
+    for pause_s in (100, 200, 3600, 3800):
+        disk.free = 10**12 * (pause_s in (200, 3800))
+        desk.now_ns = pause_s * S
+        for _ in range(6):
+            desk.later(6)
+    first, second = desk.warnings
+    assert "are free" in first
+    assert first != second  # what was told once is not shown again

@@ -4,6 +4,7 @@ import datetime
 import importlib.util
 import json
 import re
+import resource
 import shutil
 import tomllib
 from pathlib import Path
@@ -69,6 +70,21 @@ def test_a_vehicle_that_is_added_takes_nothing_from_those_before(tmp_path):
     names = {subject["id"] for subject in both["access_control"]["subjects"]}
     assert {"service.drone1", "camera.drone1", "service.drone2", "camera.drone2"} <= names
     assert both["listen"] == first["listen"] == {"endpoints": [listen]}
+
+
+def test_a_folder_is_there_once_it_is_whole_and_made_anew_after_an_interruption(tmp_path):
+    authority = make_authority(Validity.days_from_now(1))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300, limits[1]))  # the key fits
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            write_credentials(tmp_path / "role", authority, authority)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not (tmp_path / "role").exists()
+    write_credentials(tmp_path / "role", authority, authority)
+    assert [path.name for path in tmp_path.iterdir()] == ["role"]
+    assert len(list((tmp_path / "role").iterdir())) == 3
 
 
 def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_path, refused):

@@ -1,3 +1,5 @@
+import resource
+
 import pytest
 
 from dfvs_core.errors import ConfigError
@@ -20,6 +22,17 @@ def test_a_key_is_never_overwritten(tmp_path):
     with pytest.raises(ConfigError, match="cannot create"):
         create_key(path)
     assert path.read_bytes() == before
+
+
+def test_a_key_that_the_disk_has_no_room_for_is_not_there_at_all(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
+    try:
+        with pytest.raises(ConfigError, match="cannot create"):
+            create_key(tmp_path / "a")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o644])
