@@ -8,6 +8,7 @@ from typing import Any
 
 import zenoh
 
+from dfvs_common.progress import log
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, unpack
 from dfvs_core.messages.topics import Topics
@@ -35,6 +36,7 @@ class RecordListener:
         self._waiting: deque[tuple[_Kind, bytes]] = deque()
         self._waiting_bytes = 0
         self.dropped = 0
+        self._has_told = False
         self._sequencer = RecordSequencer()
         header, turn, flow = (topics.telemetry(name) for name in ("opening", "turn", "flow"))
         # Zenoh's subscribers carry no types where they are undeclared.
@@ -59,7 +61,10 @@ class RecordListener:
                     events.append((decode_flow_grid(data), b""))
                 else:
                     events += self._sequencer.put(*unpack(kind, data))
-            except WireError:
+            except WireError as error:
+                if not self._has_told:
+                    log(f"left out: {error}; is the service of another version?")
+                self._has_told = True
                 self.dropped += 1
         return events
 
