@@ -8,6 +8,9 @@ from dfvs_core.errors import ConfigError
 _MAX_SOCKET_PATH = 100
 """Linux allows 107 bytes; the longest name in the folder is part of it."""
 
+CHILDREN = ("gate", "perception", "operator_link", "recorder", "black-box")
+"""Processes that may write to standard error."""
+
 
 @dataclass(frozen=True, slots=True)
 class RuntimeFolder:
@@ -103,4 +106,4 @@ class RuntimeFolder:
 
     def stderr_files(self) -> list[Path]:
         """Files of :meth:`stderr` of the children that were started."""
-        return sorted(self.path.glob("*.err"))
+        return [path for path in map(self.stderr, CHILDREN) if path.exists()]
