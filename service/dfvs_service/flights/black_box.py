@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO
 
 from dfvs_common.atomic_file import sync_folder, write_atomic
+from dfvs_common.write_pause import WritePause
 from dfvs_service.flights import layout
 from dfvs_service.flights.files import FileRing, LogCopy, SegmentedLog
 from dfvs_service.flights.store import FlightStore, folder_bytes
@@ -25,9 +26,6 @@ from dfvs_service.settings.runtime import RuntimeFolder
 MB = 1_000_000
 SYNC_NS = 1_000_000_000
 """A power loss costs at most what was written in this time."""
-RETRY_NS = 5_000_000_000
-_WELL_NS = 60_000_000_000
-"""A refusal is told again once the disk refused nothing for so long."""
 
 JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
 _SENT_ONCE = frozenset({"goal", "route", "build"})
@@ -97,8 +95,8 @@ class BlackBox:
         self._started_ns, self._started_unix_ns = clock.monotonic_ns(), clock.unix_ns()
         self._lock: IO[str] | None = None
         self._parts: _Parts | None = None
-        self._next_sync_ns = self._retry_ns = self._started_ns
-        self._warned = ""
+        self._next_sync_ns = self._started_ns
+        self._paused = WritePause()
         self._owed: dict[str, tuple[int, bytes]] = {}
         self.folder: Path | None = None
         """Folder of the flight, None until it could be made."""
@@ -110,7 +108,7 @@ class BlackBox:
         now_ns = self._clock.monotonic_ns()
         if stream in _SENT_ONCE:
             self._owed[stream] = now_ns, payload
-        if self._parts is None or now_ns < self._retry_ns:
+        if self._parts is None or self._paused.holds(now_ns):
             self.dropped += stream not in _SENT_ONCE
             return
         with self._unless_refused(records=stream not in _SENT_ONCE):
@@ -130,7 +128,7 @@ class BlackBox:
     def update(self) -> None:
         """Copy what the logs have grown by, and do what is due; to be called several times a s."""
         now_ns = self._clock.monotonic_ns()
-        if now_ns < self._retry_ns:
+        if self._paused.holds(now_ns):
             return
         with self._unless_refused():
             if self._parts is None:
@@ -146,7 +144,8 @@ class BlackBox:
 
     def close(self) -> None:
         """Copy the rest and bring the flight to its end."""
-        self._retry_ns = self._next_sync_ns = self._clock.monotonic_ns()
+        self._next_sync_ns = self._clock.monotonic_ns()
+        self._paused.end(self._next_sync_ns)
         self.update()
         if self._parts is not None:
             self._parts.close()
@@ -166,16 +165,13 @@ class BlackBox:
 
     def _pause(self, reason: str) -> None:
         """Write nothing for a while; what was written stays."""
-        now_ns = self._clock.monotonic_ns()
-        if reason != self._warned or now_ns > self._retry_ns + _WELL_NS:
-            self._warned = reason
+        if self._paused.begin(reason, self._clock.monotonic_ns()):
             where = self._store.path if self.folder is None else self.folder
             at = time.strftime("%H:%M", time.gmtime(self._clock.unix_ns() * 1e-9))
             self._warn(
                 f"the black box could not write to {where} at {at} UTC ({reason}) and tries again; "
                 "the flight goes on"
             )
-        self._retry_ns = now_ns + RETRY_NS
 
     def _begin(self) -> _Parts:
         """Make the flight's folder with all that is known at the start."""

@@ -64,7 +64,7 @@ class RecordListener:
             except WireError as error:
                 if not self._has_told:
                     log(f"left out: {error}; is the service of another version?")
-                self._has_told = True
+                    self._has_told = True
                 self.dropped += 1
         return events
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_common.file_size import file_bytes
+from dfvs_common.write_pause import WritePause
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.mcap_file import McapFile
@@ -20,9 +21,6 @@ from dfvs_service.settings.record_sections import RecordSection
 
 MB = 1_000_000
 _SYNC_NS = 1_000_000_000
-_RETRY_NS = 5_000_000_000
-_WELL_NS = 60_000_000_000
-"""A pause is told again once recording went well for so long."""
 
 
 @dataclass(slots=True)
@@ -77,8 +75,8 @@ class Recorder:
         self._written: list[Path] = []
         self._begun = 0
         self._next_record: int | None = None
-        self._next_sync_ns = self._retry_ns = 0
-        self._warned = ""
+        self._next_sync_ns = 0
+        self._paused = WritePause()
         self.counts = RecordCounts()
 
     @property
@@ -153,7 +151,7 @@ class Recorder:
 
     def _begin(self) -> bool:
         """Begin the next file; returns whether there is one."""
-        if self._header is None or self._translation is None or self._tick() < self._retry_ns:
+        if self._header is None or self._translation is None or self._paused.holds(self._tick()):
             return False
         if not self._has_room():
             self._pause(f"less than {self._free_bytes // MB} MB are free")
@@ -181,11 +179,8 @@ class Recorder:
 
     def _pause(self, why: str) -> None:
         """Write nothing for a while; what was written stays."""
-        now_ns = self._tick()
-        if why != self._warned or now_ns > self._retry_ns + _WELL_NS:
-            self._warned = why
+        if self._paused.begin(why, self._tick()):
             self._warn(f"recording pauses: {why}")
-        self._retry_ns = now_ns + _RETRY_NS
         if self._file is not None:
             file, self._file = self._file, None
             file.abandon()

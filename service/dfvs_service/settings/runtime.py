@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
 from dfvs_core.errors import ConfigError
 
 _MAX_SOCKET_PATH = 100
 """Linux allows 107 bytes; the longest name in the folder is part of it."""
 
-CHILDREN = ("gate", "perception", "operator_link", "recorder", "black-box")
-"""Processes that may write to standard error."""
+Child = Literal["gate", "perception", "operator_link", "recorder", "black-box"]
+"""A process of the service that may write to standard error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +101,10 @@ class RuntimeFolder:
         """Folder of the temporary files of the gate's libraries, emptied at each start."""
         return self.path / "gate-scratch"
 
-    def stderr(self, child: str) -> Path:
+    def stderr(self, child: Child) -> Path:
         """What a child process writes to its standard error."""
         return self.path / f"{child}.err"
 
     def stderr_files(self) -> list[Path]:
         """Files of :meth:`stderr` of the children that were started."""
-        return [path for path in map(self.stderr, CHILDREN) if path.exists()]
+        return [path for path in map(self.stderr, get_args(Child)) if path.exists()]
