@@ -17,6 +17,9 @@ from dfvs_core.matching.config import PATCH_PX, MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.warping import backward_warp, compose, lands_inside, pixel_grid, sample
 
+_SAMPLED_PX = 4
+"""Spacing of the pixels whose medians stand for those of an image."""
+
 _ROUNDING_GREY2 = 1.0 / 12.0
 """Variance of rounding to whole greys: a plain window does not correlate with noise."""
 
@@ -33,9 +36,10 @@ def search_residual(
     confidence = forward_backward_consistency(forward, backward, config)
     warped = sample(aligned, pixel_grid(current.shape[:2]) + forward)
     confidence *= np.maximum(normalised_cross_correlation(current, warped), 0.0)
-    confident = confidence > CONFIDENT
-    if confident.any():
-        median = np.median(forward[confident], axis=0).astype(np.float32)
+    some = (slice(None, None, _SAMPLED_PX),) * 2
+    confident = forward[some][confidence[some] > CONFIDENT]
+    if len(confident):
+        median = np.median(confident, axis=0).astype(np.float32)
         confidence *= _half_at(forward - median, config.residual_sigmas * config.noise_px)
     return FlowField(flow, confidence * lands_inside(flow))
 
@@ -49,8 +53,8 @@ def forward_backward_consistency(
 
 def _half_at(miss: Float32Array, half_px: float) -> Float32Array:
     """(H, W): 1 where ``miss`` (H, W, 2) is nothing, 0.5 where it is ``half_px`` long."""
-    square = np.einsum("hwc,hwc->hw", miss, miss)
-    return np.asarray(1.0 / (1.0 + square / half_px**2), np.float32)
+    u, v = miss[..., 0], miss[..., 1]
+    return np.asarray(1.0 / (1.0 + (u * u + v * v) / np.float32(half_px**2)), np.float32)
 
 
 def normalised_cross_correlation(current: ImageArray, warped: ImageArray) -> Float32Array:
@@ -80,7 +84,8 @@ def _match_brightness(current: ImageArray, warped: ImageArray, inside: BoolArray
 
     The gain is the ratio of the spreads: a regression's slope shrinks where images are not aligned.
     """
-    x, y = (image[::4, ::4][inside[::4, ::4]].astype(np.float32) for image in (warped, current))
+    some = (slice(None, None, _SAMPLED_PX),) * 2
+    x, y = (image[some][inside[some]].astype(np.float32) for image in (warped, current))
     if len(x) == 0:
         return warped
     kept = np.ones(len(x), np.bool_)

@@ -6,6 +6,7 @@ the width of the image to a cell. Planes are extended as planes, and where there
 wider motion stays.
 """
 
+import functools
 from typing import cast
 
 import cv2
@@ -40,7 +41,7 @@ def smooth_flow(
         rest -= sample(level, at[:, None])[:, 0]
     whole = (cells[1] * PATCH_PX, cells[0] * PATCH_PX)
     bend = cast(Float32Array, cv2.resize(bend, whole, interpolation=cv2.INTER_LINEAR))
-    linear = pixel_grid(size) @ (A[:, :2] - np.eye(2)).T + A[:, 2]
+    linear = cv2.transform(pixel_grid(size), (A - np.eye(2, 3)).astype(np.float32))
     return np.asarray(linear + PATCH_PX * bend[:height, :width], np.float32)
 
 
@@ -68,14 +69,30 @@ def _interpolate(
     Each cell fits an affine function to the displacements around it, under Gaussian weights of
     ``sigma`` cells; ``damping`` draws its offset and its slope to zero.
     """
-    design = np.column_stack([np.ones(len(rest)), rest.current])
-    terms = design[:, :, None] * np.hstack([design, rest.other - rest.current])[:, None, :]
-    sums: FloatArray = np.zeros((*cells, 15))
-    np.add.at(sums, rest.pixels(cells), terms.reshape(-1, 15) * rest.confidence[:, None])
-    blurred = cv2.GaussianBlur(sums, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
-    sums = blurred.reshape(*cells, 3, 5).astype(np.float64) * (2.0 * np.pi * sigma * sigma)
-    to_cell = np.tile(np.eye(3), (*cells, 1, 1))
-    to_cell[..., 1:, 0] = -pixel_grid(cells)
-    normal = to_cell @ sums[..., :3] @ to_cell.swapaxes(-1, -2)
-    normal += damping * np.diag([1.0, sigma * sigma, sigma * sigma])
-    return np.asarray(np.linalg.solve(normal, to_cell @ sums[..., 3:])[..., 0, :], np.float32)
+    design = np.vstack([np.ones(len(rest)), rest.current.T])
+    terms = design[:, None] * np.vstack([design, (rest.other - rest.current).T]) * rest.confidence
+    cell_index = np.ravel_multi_index(rest.pixels(cells), cells)
+    sums = [np.bincount(cell_index, term, cells[0] * cells[1]) for term in terms.reshape(15, -1)]
+    rows, columns = _gaussian(cells[0], sigma), _gaussian(cells[1], sigma)
+    moments = (rows @ np.reshape(sums, (15, *cells)) @ columns).reshape(3, 5, *cells)
+    cell = np.concatenate([np.ones((1, *cells)), np.moveaxis(pixel_grid(cells), -1, 0)])
+    normal = moments[:, :3] + damping * cell[:, None] * cell
+    normal[[1, 2], [1, 2]] += damping * sigma * sigma
+    # Cramer's rule: a solver of many small systems takes several times as long.
+    adjugate = [_cross(normal[i - 2], normal[i - 1]) for i in range(3)]
+    weights = [(row * cell).sum(axis=0) for row in adjugate]
+    fitted = sum(weight * side for weight, side in zip(weights, moments[:, 3:], strict=True))
+    determinant = (normal[0] * adjugate[0]).sum(axis=0)
+    return np.asarray(np.moveaxis(fitted / determinant, 0, -1), np.float32)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product (3, ...) along the first axis."""
+    return np.stack([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)])
+
+
+@functools.lru_cache(maxsize=32)
+def _gaussian(count: int, sigma: float) -> FloatArray:
+    """Weights (count, count) of the cells of a row for each other, 1 for themselves."""
+    apart = np.subtract.outer(np.arange(count), np.arange(count)) / sigma
+    return np.asarray(np.exp(-0.5 * apart * apart), np.float64)

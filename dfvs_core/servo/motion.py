@@ -25,19 +25,18 @@ _FEWEST = 12
 
 
 def find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
-    """Goal pose from scratch or near the last frame's, which of them explains the points better.
+    """Goal pose near the last frame's, or else from scratch: the first that explains the points.
 
     Where neither does, each half of the view is asked as well, and the pose counts that most of the
     points support: what is matched wrong mostly lies together, and the rest agrees on the goal
     without it. Support alone is no good judge of two that are clear: while depth is not known it
     leans to the one that is further away.
     """
-    noise = _noise(task)
-    starts = [None] if T_guess is None else [None, T_guess]
-    found = [estimate_goal_pose(points, task.basis, noise, T) for T in starts]
-    best = min(found, key=lambda each: each.residual)
-    if is_clear(task, best):
-        return best
+    noise, found = _noise(task), []
+    for T in [None] if T_guess is None else [T_guess, None]:
+        found.append(estimate_goal_pose(points, task.basis, noise, T))
+        if is_clear(task, found[-1]):
+            return found[-1]
     near = NoiseScale(noise.least, _CLEAR * noise.least)
     for half in _halves(points):
         T_half = estimate_goal_pose(half, task.basis, noise).T_current_goal

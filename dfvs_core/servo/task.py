@@ -1,6 +1,7 @@
 """Servo task: settings, cameras and goal, constant during a flight."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -39,9 +40,7 @@ class ServoTask:
         """Degrees of freedom."""
         if self.mount is None:
             return free_camera()
-        T_body_camera = self.T_body_camera
-        T_body_camera[:3, 3] /= self.unit_m
-        return level_body(T_body_camera)
+        return _level_basis(self.mount, self.unit_m)
 
     @property
     def limits(self) -> tuple[SpeedLimit, ...]:
@@ -65,3 +64,13 @@ class ServoTask:
         if self.mount is None:
             return np.full(6, c.response_s)
         return np.array([c.response_s, c.response_s, c.response_s, c.yaw_response_s])
+
+
+@lru_cache(maxsize=8)
+def _level_basis(mount: Mount, unit_m: float) -> MotionBasis:
+    """Basis of a level body whose lengths are in units; read-only, since it is kept."""
+    T_body_camera = mount.T_body_camera()
+    T_body_camera[:3, 3] /= unit_m
+    basis = level_body(T_body_camera)
+    basis.B.flags.writeable = False
+    return basis

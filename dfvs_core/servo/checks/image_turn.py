@@ -14,10 +14,12 @@ from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights
+from dfvs_core.servo.law import normal_equations
 from dfvs_core.servo.points import GridSamples
 
 _LEAST_POINTS = 50
 _ROUNDS = 3
+_DAMPING = 1e-9
 _NOISE = 5e-4
 """Expected error of a point's shift, normalised units."""
 
@@ -71,10 +73,10 @@ def point_tracks(
     g_before, g_now = (goal_camera.normalise(s.pixels + s.flow) for s in samples)
     mean = 0.5 * (g_before + g_now)
     xy = camera.normalise(now.pixels)
-    slope = _by_cell(mean) @ np.linalg.inv(_by_cell(xy))
     confident = np.minimum(before.confidence, now.confidence) > min_confidence
     keep = _with_neighbours(confident) & _is_smooth(mean)
-    return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope[keep])
+    slope = _by_cell(mean)[keep] @ np.linalg.inv(_by_cell(xy)[keep])
+    return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope)
 
 
 def _by_cell(points: FloatArray) -> FloatArray:
@@ -114,14 +116,15 @@ def image_turn(tracks: PointTracks) -> ImageTurn | None:
         return None
     by_twist = interaction_matrix(tracks.xy, tracks.z)
     L = tracks.slope @ by_twist
-    twist, A = np.zeros(6), np.eye(6)
+    twist, rest = np.zeros(6), np.linalg.norm(tracks.shift, axis=1)
     for _ in range(_ROUNDS):
-        rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
         weight = tukey_weights(rest, np.ones(len(rest)), NoiseScale(_NOISE))
-        A = np.einsum("n,nij,nik->jk", weight, L, L) + 1e-9 * np.eye(6)
-        twist = np.linalg.solve(A, np.einsum("n,nij,ni->j", weight, L, tracks.shift))
-    rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
-    variance = max(float(weight @ rest**2) / (2.0 * float(weight.sum())), _NOISE**2)
-    covariance = _POINTS_ALIKE * variance * np.linalg.inv(A)[3:, 3:]
+        equations = normal_equations(L, -tracks.shift, weight)
+        twist = equations.solve(_DAMPING)
+        rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
+    total = float(weight.sum())
+    variance = max(float(weight @ rest**2) / (2.0 * total), _NOISE**2)
+    information = total * equations.A + _DAMPING * np.eye(6)
+    covariance = _POINTS_ALIKE * variance * np.linalg.inv(information)[3:, 3:]
     moved = float(np.median(np.linalg.norm(by_twist[:, :, :3] @ twist[:3], axis=1)))
     return ImageTurn(twist[3:], covariance + np.eye(3) * (_TURN_OF_MOTION * moved) ** 2)

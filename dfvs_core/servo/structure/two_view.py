@@ -7,7 +7,6 @@ relative depth of the scene, and so is in its units.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,8 +40,6 @@ _LEAST_VALIDITY = 1e-4
 _LEAST_POINTS = 40
 _ITERATIONS = 8
 _CONVERGED_RAD = 1e-5
-_STEP_RAD = 1e-5
-"""Of the numerical derivative."""
 _DAMPING = 1e-6
 
 
@@ -64,21 +61,30 @@ class _Geometry:
 
     def moved(self, step: FloatArray) -> _Geometry:
         """Geometry after a step (5,) rad: a rotation, and a turn of the direction."""
-        axis = np.eye(3)[int(np.argmin(np.abs(self.direction)))]
-        u = np.cross(self.direction, axis)
-        u /= np.linalg.norm(u)
-        direction = self.direction + step[3] * u + step[4] * np.cross(self.direction, u)
+        direction = self.direction + step[3:] @ self._across()
         return _Geometry(so3_exp(step[:3]) @ self.R, direction / np.linalg.norm(direction))
 
-    def sampson(self, rays: _Rays) -> FloatArray:
-        """Signed Sampson distance (N,) of each correspondence, normalised units."""
+    def sampson(self, rays: _Rays) -> tuple[FloatArray, FloatArray]:
+        """Signed Sampson distance (N,) of each correspondence, normalised units, and its slope.
+
+        The slope (N, 5) is for a step of ``moved``; what the denominator changes by is left out.
+        """
         E = skew(self.direction) @ self.R
         p, q = homogeneous(rays.current), homogeneous(rays.earlier)
-        line, back = p @ E.T, q @ E
-        slope = (line[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1)
-        distance: FloatArray = (q * line).sum(axis=1) / np.sqrt(np.maximum(slope, 1e-18))
-        scaled: FloatArray = math.sqrt(2.0) * distance
-        return scaled
+        gradient = np.hstack([(p @ E.T)[:, :2], (q @ E)[:, :2]])
+        length = np.sqrt(np.maximum(0.5 * (gradient * gradient).sum(axis=1), 1e-18))
+        turned = [skew(self.direction) @ skew(axis) @ self.R for axis in np.eye(3)]
+        moved = [skew(axis) @ self.R for axis in self._across()]
+        products = (q[:, :, None] * p[:, None, :]).reshape(-1, 9) / length[:, None]
+        slopes = np.stack([E, *turned, *moved]).reshape(6, 9) @ products.T
+        return slopes[0], slopes[1:].T
+
+    def _across(self) -> FloatArray:
+        """Two unit vectors (2, 3) at right angles to the direction and to each other."""
+        least = np.eye(3)[int(np.argmin(np.abs(self.direction)))]
+        u = skew(self.direction) @ least
+        u /= np.linalg.norm(u)
+        return np.stack([u, skew(self.direction) @ u])
 
 
 def earlier_view(task: ServoTask, match: EarlierMatch, depth: DepthMap) -> EarlierView | None:
@@ -131,11 +137,9 @@ def _refined(
     found = start
     prior = np.diag([1.0 / _ROTATION_SPREAD_RAD**2] * 3 + [_DAMPING] * 2)
     for _ in range(_ITERATIONS):
-        error = found.sampson(rays)
+        error, J = found.sampson(rays)
         length = np.abs(error)
         weight = rays.weight * tukey_weights(length, rays.weight, noise)
-        steps = _STEP_RAD * np.eye(5)
-        J = np.stack([(found.moved(step).sampson(rays) - error) / _STEP_RAD for step in steps], 1)
         sigma = max(weighted_median(length, weight) / 0.6745, noise.least)
         scale = _INDEPENDENT_SHARE / sigma**2
         turned = np.append(so3_log(found.R @ start.R.T), np.zeros(2))
