@@ -108,17 +108,19 @@ def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(page):
 
 def test_without_an_uncertainty_there_is_neither_a_band_nor_a_spread(field, open_page):
     endpoint = free_endpoint()
-    with Server([endpoint]) as server, TelemetryVehicle(endpoint, "plain") as vehicle:
+    with Server([endpoint]) as server:
+        vehicle = TelemetryVehicle(endpoint, "plain")
         vehicle.knows_uncertainty, vehicle.mounting_score = False, None
-        page = open_page(server.url)
-        watch(page, "plain")
-        for name in ("Mean distance, 1 s", "Scale spread", "Velocity error", "Mounting"):
-            page.wait(f"name => ({NUMBER})(name).startsWith('–')", name)
-        page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
-        page.page.wait_for_selector("#plots canvas")
-        page.frames_rise(20)
-        assert page.page.evaluate(BAND_PIXELS) < 50
-        assert page.complaints == []
+        with vehicle:
+            page = open_page(server.url)
+            watch(page, "plain")
+            for name in ("Mean distance, 1 s", "Scale spread", "Velocity error", "Mounting"):
+                page.wait(f"name => ({NUMBER})(name).startsWith('–')", name)
+            page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
+            page.page.wait_for_selector("#plots canvas")
+            page.frames_rise(20)
+            assert page.page.evaluate(BAND_PIXELS) < 50
+            assert page.complaints == []
 
 
 def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(field, page):
