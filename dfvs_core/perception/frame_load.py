@@ -2,34 +2,58 @@
 
 from dataclasses import dataclass
 
-from dfvs_core.perception.keyframes import Keyframe
-
 PATIENCE_NS = 600_000_000
 """So long what is done between frames waits for them to be on time again."""
 LATE_NS = 200_000_000
 """Age from which on a report is too late for the gate."""
+OLD_NS = 250_000_000
+"""Age from which on the last reported frame is too old for it."""
 
 
 @dataclass(slots=True)
 class FrameLoad:
     """Times of the last frames, ns.
 
-    ``period_ns`` lies between the last two, ``processing_ns`` between a frame's arrival and its
-    servo step; ``worked_ns`` is the last frame after which something was done between frames.
+    ``captured_ns`` is the capture time of the last frame and ``period_ns`` that since the one
+    before. ``transport_ns`` is from its capture to its arrival, ``processing_ns`` from there to its
+    servo step, which was at ``servo_ns``. ``worked_ns`` is the capture time of the last frame after
+    which something was done between frames, and ``step_ns`` is from its servo step to the next.
     """
 
+    captured_ns: int = 0
     period_ns: int = 0
+    transport_ns: int = 0
     processing_ns: int = 0
+    servo_ns: int = 0
     worked_ns: int = 0
+    step_ns: int | None = None
 
-    def is_high(self, last: Keyframe) -> bool:
+    def take(self, captured_ns: int, arrived_ns: int, servo_ns: int) -> None:
+        """Take in a frame at its servo step."""
+        if self.captured_ns:
+            self.period_ns = captured_ns - self.captured_ns
+            if self.worked_ns == self.captured_ns:
+                self.step_ns = servo_ns - self.servo_ns
+        self.transport_ns = arrived_ns - captured_ns
+        self.processing_ns = servo_ns - arrived_ns
+        self.captured_ns, self.servo_ns = captured_ns, servo_ns
+
+    def work(self) -> None:
+        """Note that something is done after the last frame."""
+        self.worked_ns = self.captured_ns
+
+    def is_high(self) -> bool:
         """Whether frames are late: their processing does not keep up, or takes too long.
 
-        It counts from a frame's arrival: transport delays no other frame. What is done between
-        frames takes as long as a frame, and the next report is so much older.
+        That counts from a frame's arrival: transport delays no other frame. What is done between
+        frames is taken to last as long as the last time, at first as long as a frame. The next
+        frame may have to wait for it, but not longer than until another one arrives. Its report
+        must not be too late, nor the last one too old until then.
         """
-        t_ns = last.t_capture_ns
-        if t_ns - self.worked_ns >= PATIENCE_NS or self.period_ns == 0:
+        if self.captured_ns - self.worked_ns >= PATIENCE_NS or self.period_ns == 0:
             return False
-        next_age_ns = last.inputs.now_ns - t_ns + self.processing_ns
-        return self.processing_ns >= self.period_ns or next_age_ns >= LATE_NS
+        age_ns = self.transport_ns + self.processing_ns
+        step_ns = 2 * self.processing_ns if self.step_ns is None else self.step_ns
+        wait_ns = min(max(step_ns - self.period_ns, 0), self.period_ns)
+        is_late = age_ns + wait_ns >= LATE_NS or age_ns + step_ns >= OLD_NS
+        return is_late or self.processing_ns >= self.period_ns

@@ -210,7 +210,7 @@ class Pipeline:
         marks.append(self._tick())
 
         t_arrival_ns = t_ns if frame.t_arrival_ns is None else frame.t_arrival_ns
-        self._load.processing_ns = inputs.now_ns - t_arrival_ns
+        self._load.take(t_ns, t_arrival_ns, inputs.now_ns)
         self._remember(inputs, features, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
@@ -225,7 +225,7 @@ class Pipeline:
         """
         start_ns, last = self._tick(), self._last
         has_begun = self._verifier.is_comparing or self._tracker.is_extending
-        if last is None or (self._load.is_high(last) and not has_begun):
+        if last is None or (self._load.is_high() and not has_begun):
             return 0
         has_worked = (
             self._verifier.compare()
@@ -234,7 +234,7 @@ class Pipeline:
         )
         if not has_worked:
             return 0
-        self._load.worked_ns = last.t_capture_ns
+        self._load.work()
         return self._tick() - start_ns
 
     def _learn_depth(self, last: Keyframe) -> bool:
@@ -295,7 +295,6 @@ class Pipeline:
             self._state = self._state.without_goal()
         if self._last is not None:
             self._tracker.release(self._last.features)
-            self._load.period_ns = t_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False, paused=False)
