@@ -65,19 +65,20 @@ class _Geometry:
         return _Geometry(so3_exp(step[:3]) @ self.R, direction / np.linalg.norm(direction))
 
     def sampson(self, rays: _Rays) -> tuple[FloatArray, FloatArray]:
-        """Signed Sampson distance (N,) of each correspondence, normalised units, and its slope.
+        """Signed Sampson distance (N,) of each correspondence, normalised units.
 
-        The slope (N, 5) is for a step of ``moved``; what the denominator changes by is left out.
+        With it its slope (5, N), for a step of ``moved``.
         """
-        E = skew(self.direction) @ self.R
         p, q = homogeneous(rays.current), homogeneous(rays.earlier)
-        gradient = np.hstack([(p @ E.T)[:, :2], (q @ E)[:, :2]])
-        length = np.sqrt(np.maximum(0.5 * (gradient * gradient).sum(axis=1), 1e-18))
         turned = [skew(self.direction) @ skew(axis) @ self.R for axis in np.eye(3)]
-        moved = [skew(axis) @ self.R for axis in self._across()]
-        products = (q[:, :, None] * p[:, None, :]).reshape(-1, 9) / length[:, None]
-        slopes = np.stack([E, *turned, *moved]).reshape(6, 9) @ products.T
-        return slopes[0], slopes[1:].T
+        shifted = [skew(axis) @ self.R for axis in self._across()]
+        E = np.stack([skew(self.direction) @ self.R, *turned, *shifted])
+        line, back = p @ E.swapaxes(1, 2), q @ E
+        product, sides = (q * line).sum(axis=2), np.dstack([line[:, :, :2], back[:, :, :2]])
+        length = np.sqrt(np.maximum(0.5 * (sides[0] ** 2).sum(axis=1), 1e-18))
+        error: FloatArray = product[0] / length
+        longer = 0.5 * (sides[1:] * sides[0]).sum(axis=2) / length
+        return error, (product[1:] - error * longer) / length
 
     def _across(self) -> FloatArray:
         """Two unit vectors (2, 3) at right angles to the direction and to each other."""
@@ -143,8 +144,8 @@ def _refined(
         sigma = max(weighted_median(length, weight) / 0.6745, noise.least)
         scale = _INDEPENDENT_SHARE / sigma**2
         turned = np.append(so3_log(found.R @ start.R.T), np.zeros(2))
-        A = scale * (J * weight[:, None]).T @ J + prior
-        gradient = scale * J.T @ (weight * error) + prior @ turned
+        A = scale * (J * weight) @ J.T + prior
+        gradient = scale * J @ (weight * error) + prior @ turned
         step = -np.asarray(np.linalg.solve(A, gradient), np.float64)
         found = found.moved(step)
         if float(np.abs(step).max()) < _CONVERGED_RAD:

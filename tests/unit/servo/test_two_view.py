@@ -21,7 +21,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import EarlierMatch
-from dfvs_core.servo.structure.two_view import earlier_view
+from dfvs_core.servo.structure.two_view import _Geometry, _Rays, earlier_view
 from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75))
@@ -201,3 +201,14 @@ def test_without_matches_or_a_direction_to_start_from_there_is_no_geometry():
     few[:40, :40] = 1.0  # 25 points of the grid
     frames.flow = FlowField(frames.flow.flow, few)
     assert frames.view() is None
+
+
+def test_the_slope_of_the_sampson_error_is_that_of_the_error(rng):
+    """Its denominator's change counts: by a slope without it other poses seem best."""
+    rays = _Rays(*rng.uniform(-0.6, 0.6, (2, 50, 2)), np.ones(50))
+    direction = np.array([0.8, 0.1, -0.6])
+    geometry = _Geometry(so3_exp(np.array([0.2, -0.3, 0.1])), direction / np.linalg.norm(direction))
+    _, slope = geometry.sampson(rays)
+    for step, told in zip(1e-6 * np.eye(5), slope, strict=True):
+        there, back = (geometry.moved(s).sampson(rays)[0] for s in (step, -step))
+        np.testing.assert_allclose(told, (there - back) / 2e-6, rtol=1e-5, atol=1e-7)
