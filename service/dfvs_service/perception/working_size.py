@@ -18,7 +18,7 @@ from dfvs_core.matching.staged import StagedMatcher
 from dfvs_core.messages.goal import Goal
 from dfvs_service.settings.config import ServiceConfig
 
-WORKING_WIDTHS_PX = (320, 400, 480, 640)
+WORKING_WIDTHS_PX = (192, 256, 320, 400, 480, 640)
 """Candidates for ``MatchingConfig.working_width_px``."""
 _FRAMES, _SHIFT_PX = 5, 4
 

@@ -41,17 +41,23 @@ def image(width, height):
 
 @pytest.mark.parametrize(
     ("durations_ms", "width_px"),
-    [((26,), 320), ((20, 26), 400), ((20, 25, 26), 480), ((10, 15, 20), 640)],
+    [
+        ((26,), 192),
+        ((20, 26), 256),
+        ((20, 25, 26), 320),
+        ((5, 10, 20, 25, 26), 480),
+        ((5, 10, 15, 20, 25), 640),
+    ],
 )
 def test_the_largest_size_that_fits_the_budget_is_taken(durations_ms, width_px):
     assert choose_working_width(image(1280, 720), 25 * MS, clock_of(*durations_ms)) == width_px
 
 
 @pytest.mark.parametrize(
-    ("size", "width_px"), [((320, 240), 320), ((160, 120), 320), ((424, 240), 400)]
+    ("size", "width_px"), [((320, 240), 320), ((160, 120), 192), ((424, 240), 400)]
 )
 def test_no_size_above_the_cameras_is_tried(size, width_px):
-    assert choose_working_width(image(*size), 25 * MS, clock_of(1, 99)) == width_px
+    assert choose_working_width(image(*size), 25 * MS, clock_of(1, 1, 1, 99)) == width_px
 
 
 def settings(**flow):
