@@ -23,6 +23,8 @@ KEPT = ("config", "goal")
 SHOWN = ("camera", "flow")
 
 _RETRY_S = 0.5
+_CLOSE_S = 10.0
+"""So long a session may take to close: a thread that still uses it would abort the process."""
 _CHECK_S = 1.0
 _KEY = re.compile(r"dfvs/([^/]+)/([^/]+)")
 
@@ -63,7 +65,7 @@ class Receiver:
         self._stopped = True
         self._changed.set()
         if self._thread.is_alive():
-            self._thread.join(2.0)
+            self._thread.join(_CLOSE_S)
 
     def _run(self) -> None:
         last_error = ""
