@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
-PATIENCE_NS = 600_000_000
-"""So long what is done between frames waits for them to be on time again."""
+PATIENCE_NS = 2_000_000_000
+"""So long what is done between frames waits for them to be on time again.
+
+The gate goes on after a second of good data: a vehicle that is held for a late report must get it.
+"""
 LATE_NS = 200_000_000
 """Age from which on a report is too late for the gate."""
 OLD_NS = 250_000_000

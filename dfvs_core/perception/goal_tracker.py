@@ -125,7 +125,7 @@ class GoalTracker:
         """Frames in a row that were tracked and gave no observation."""
         self._extending: tuple[ImageFeatures, Observation] | None = None
         """Frame in which more of the goal is being looked for, and what is seen of it."""
-        self._extended_ns = 0
+        self.extended_ns = 0
         """Capture time of the last such frame, or of one that was relocalised since."""
 
     def update(self, observation: Observation | None) -> None:
@@ -185,7 +185,7 @@ class GoalTracker:
         depth: DepthMap | None,
     ) -> FlowField:
         """Flow without a prior; every other one without goals that were rejected."""
-        self._extended_ns = t_capture_ns
+        self.extended_ns = t_capture_ns
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
             excluded = [
@@ -240,13 +240,13 @@ class GoalTracker:
             ):
                 self._last = replace(seen, flow=flow)
             return True
-        is_due = t_capture_ns - self._extended_ns >= _EXTENSION_PERIOD_NS
+        is_due = t_capture_ns - self.extended_ns >= _EXTENSION_PERIOD_NS
         if not is_due or last.t_capture_ns != t_capture_ns:
             return False
         if confident_ratio(last.flow) >= _SETTLED_RATIO:
             return False
         image.prepare()
-        self._extended_ns, self._extending = t_capture_ns, (image, last)
+        self.extended_ns, self._extending = t_capture_ns, (image, last)
         return True
 
     def release(self, image: ImageFeatures) -> None:

@@ -218,21 +218,20 @@ class Pipeline:
     def work_between_frames(self) -> int:
         """Do what may wait until the last frame's report is on its way; time taken, ns.
 
-        First what goal verification has to compare. Else, once a second, more of the goal is looked
-        for. Else depth is learnt: a few times a second, where the camera has moved far enough, the
-        frame is compared with a keyframe. All is put off while frames are late, but for the second
-        step of what was begun: it would be of no use later.
+        First what goal verification has to compare. Else, in turn: once a second more of the goal
+        is looked for; and depth is learnt a few times a second, where the camera has moved far
+        enough, from the frame and a keyframe. All is put off while frames are late, but for the
+        second step of what was begun: it would be of no use later.
         """
         start_ns, last = self._tick(), self._last
         has_begun = self._verifier.is_comparing or self._tracker.is_extending
         if last is None or (self._load.is_high() and not has_begun):
             return 0
-        has_worked = (
-            self._verifier.compare()
-            or self._tracker.extend(last.features, last.t_capture_ns)
-            or self._learn_depth(last)
-        )
-        if not has_worked:
+        tracker, learn = self._tracker, partial(self._learn_depth, last)
+        extend = partial(tracker.extend, last.features, last.t_capture_ns)
+        is_depth_first = tracker.extended_ns > self._depth_ns and not tracker.is_extending
+        in_turn = (learn, extend) if is_depth_first else (extend, learn)
+        if not (self._verifier.compare() or any(work() for work in in_turn)):
             return 0
         self._load.work()
         return self._tick() - start_ns
