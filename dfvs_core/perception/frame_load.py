@@ -1,16 +1,28 @@
-"""How far the processing of frames keeps up with them."""
+"""How far the processing of frames keeps up with them, and what work between them does to it."""
 
 from dataclasses import dataclass
 
 PATIENCE_NS = 2_000_000_000
-"""So long what is done between frames waits for them to be on time again.
+"""So long work that makes a frame late waits since the last one that did.
 
 The gate goes on after a second of good data: a vehicle that is held for a late report must get it.
 """
-LATE_NS = 200_000_000
-"""Age from which on a report is too late for the gate."""
-OLD_NS = 250_000_000
-"""Age from which on the last reported frame is too old for it."""
+OLD_NS = 225_000_000
+"""Age of the last reported frame at the next servo step from which on it is too old for the gate:
+that is at 250 ms, and the report takes time."""
+
+_KEPT_AGES = 2
+
+
+@dataclass(slots=True)
+class Work:
+    """A kind of work between frames.
+
+    ``ages_ns`` are how old the frame before was at the servo step after it, the last times that it
+    was done. The largest counts: work may have a long and a short step.
+    """
+
+    ages_ns: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
@@ -18,45 +30,48 @@ class FrameLoad:
     """Times of the last frames, ns.
 
     ``captured_ns`` is the capture time of the last frame and ``period_ns`` that since the one
-    before. ``transport_ns`` is from its capture to its arrival, ``processing_ns`` from there to its
-    servo step, which was at ``servo_ns``. ``worked_ns`` is the capture time of the last frame after
-    which something was done between frames, and ``step_ns`` is from its servo step to the next.
+    before. ``age_ns`` is from its capture to its servo step, ``processing_ns`` the part of it after
+    its arrival. ``done`` is the work that was done after it. ``late_ns`` is the capture time of the
+    last frame after which work was done that makes frames late.
     """
 
     captured_ns: int = 0
     period_ns: int = 0
-    transport_ns: int = 0
+    age_ns: int = 0
     processing_ns: int = 0
-    servo_ns: int = 0
-    worked_ns: int = 0
-    step_ns: int | None = None
+    done: Work | None = None
+    late_ns: int = 0
 
     def take(self, captured_ns: int, arrived_ns: int, servo_ns: int) -> None:
         """Take in a frame at its servo step."""
+        if self.done is not None:
+            age_ns = servo_ns - self.captured_ns
+            self.done.ages_ns = (*self.done.ages_ns, age_ns)[-_KEPT_AGES:]
+            if age_ns >= OLD_NS:
+                self.late_ns = self.captured_ns
         if self.captured_ns:
             self.period_ns = captured_ns - self.captured_ns
-            if self.worked_ns == self.captured_ns:
-                self.step_ns = servo_ns - self.servo_ns
-        self.transport_ns = arrived_ns - captured_ns
-        self.processing_ns = servo_ns - arrived_ns
-        self.captured_ns, self.servo_ns = captured_ns, servo_ns
+        self.age_ns, self.processing_ns = servo_ns - captured_ns, servo_ns - arrived_ns
+        self.captured_ns, self.done = captured_ns, None
 
-    def work(self) -> None:
-        """Note that something is done after the last frame."""
-        self.worked_ns = self.captured_ns
+    def note(self, work: Work) -> None:
+        """Note that work is done after the last frame."""
+        if self._is_too_long(work):
+            self.late_ns = self.captured_ns
+        self.done = work
 
-    def is_high(self) -> bool:
-        """Whether frames are late: their processing does not keep up, or takes too long.
+    def is_high(self, work: Work) -> bool:
+        """Whether work has to wait: frames are late, or it would make the last one too old.
 
-        That counts from a frame's arrival: transport delays no other frame. What is done between
-        frames is taken to last as long as the last time, at first as long as a frame. The next
-        frame may have to wait for it, but not longer than until another one arrives. Its report
-        must not be too late, nor the last one too old until then.
+        Frames are late where processing does not keep up with them. That counts from a frame's
+        arrival: transport delays no other frame. Work is taken to last as long as the last times,
+        at first as long as a frame.
         """
-        if self.captured_ns - self.worked_ns >= PATIENCE_NS or self.period_ns == 0:
+        is_patient = self.captured_ns - self.late_ns < PATIENCE_NS
+        return is_patient and self._is_too_long(work)
+
+    def _is_too_long(self, work: Work) -> bool:
+        if self.period_ns == 0:
             return False
-        age_ns = self.transport_ns + self.processing_ns
-        step_ns = 2 * self.processing_ns if self.step_ns is None else self.step_ns
-        wait_ns = min(max(step_ns - self.period_ns, 0), self.period_ns)
-        is_late = age_ns + wait_ns >= LATE_NS or age_ns + step_ns >= OLD_NS
-        return is_late or self.processing_ns >= self.period_ns
+        next_age_ns = max(work.ages_ns, default=self.age_ns + 2 * self.processing_ns)
+        return self.processing_ns >= self.period_ns or next_age_ns >= OLD_NS

@@ -19,7 +19,7 @@ from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal
-from dfvs_core.perception.frame_load import FrameLoad
+from dfvs_core.perception.frame_load import FrameLoad, Work
 from dfvs_core.perception.frame_result import STAGES, FrameResult
 from dfvs_core.perception.goal_preview import (
     GoalView,
@@ -92,6 +92,7 @@ class Pipeline:
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
         self._load = FrameLoad()
+        self._comparison, self._extension, self._depth_work = Work(), Work(), Work()
         self._depth_ns = 0
         self._depth_m = task.config.constant_depth_m
         self._least_baseline_m = 0.0
@@ -220,21 +221,24 @@ class Pipeline:
 
         First what goal verification has to compare. Else, in turn: once a second more of the goal
         is looked for; and depth is learnt a few times a second, where the camera has moved far
-        enough, from the frame and a keyframe. All is put off while frames are late, but for the
-        second step of what was begun: it would be of no use later.
+        enough, from the frame and a keyframe. What makes frames late is put off, but for the second
+        step of what was begun: it would be of no use later.
         """
         start_ns, last = self._tick(), self._last
-        has_begun = self._verifier.is_comparing or self._tracker.is_extending
-        if last is None or (self._load.is_high() and not has_begun):
+        if last is None:
             return 0
-        tracker, learn = self._tracker, partial(self._learn_depth, last)
+        tracker, verifier = self._tracker, self._verifier
         extend = partial(tracker.extend, last.features, last.t_capture_ns)
+        compare = (self._comparison, verifier.compare, verifier.is_comparing)
+        extend_goal = (self._extension, extend, tracker.is_extending)
+        learn_depth = (self._depth_work, partial(self._learn_depth, last), False)
         is_depth_first = tracker.extended_ns > self._depth_ns and not tracker.is_extending
-        in_turn = (learn, extend) if is_depth_first else (extend, learn)
-        if not (self._verifier.compare() or any(work() for work in in_turn)):
-            return 0
-        self._load.work()
-        return self._tick() - start_ns
+        in_turn = (learn_depth, extend_goal) if is_depth_first else (extend_goal, learn_depth)
+        for work, do, has_begun in (compare, *in_turn):
+            if (has_begun or not self._load.is_high(work)) and do():
+                self._load.note(work)
+                return self._tick() - start_ns
+        return 0
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough.
