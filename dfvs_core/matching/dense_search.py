@@ -17,8 +17,8 @@ from dfvs_core.matching.config import PATCH_PX, MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.warping import backward_warp, compose, lands_inside, pixel_grid, sample
 
-_SAMPLED_PX = 4
-"""Spacing of the pixels whose medians stand for those of an image."""
+_SOME = (slice(None, None, 4), slice(None, None, 4))
+"""Pixels of an image whose medians stand for those of all."""
 
 _ROUNDING_GREY2 = 1.0 / 12.0
 """Variance of rounding to whole greys: a plain window does not correlate with noise."""
@@ -36,8 +36,7 @@ def search_residual(
     confidence = forward_backward_consistency(forward, backward, config)
     warped = sample(aligned, pixel_grid(current.shape[:2]) + forward)
     confidence *= np.maximum(normalised_cross_correlation(current, warped), 0.0)
-    some = (slice(None, None, _SAMPLED_PX),) * 2
-    confident = forward[some][confidence[some] > CONFIDENT]
+    confident = forward[_SOME][confidence[_SOME] > CONFIDENT]
     if len(confident):
         median = np.median(confident, axis=0).astype(np.float32)
         confidence *= _half_at(forward - median, config.residual_sigmas * config.noise_px)
@@ -84,8 +83,7 @@ def _match_brightness(current: ImageArray, warped: ImageArray, inside: BoolArray
 
     The gain is the ratio of the spreads: a regression's slope shrinks where images are not aligned.
     """
-    some = (slice(None, None, _SAMPLED_PX),) * 2
-    x, y = (image[some][inside[some]].astype(np.float32) for image in (warped, current))
+    x, y = (image[_SOME][inside[_SOME]].astype(np.float32) for image in (warped, current))
     if len(x) == 0:
         return warped
     kept = np.ones(len(x), np.bool_)

@@ -79,16 +79,11 @@ def _interpolate(
     normal = moments[:, :3] + damping * cell[:, None] * cell
     normal[[1, 2], [1, 2]] += damping * sigma * sigma
     # Cramer's rule: a solver of many small systems takes several times as long.
-    adjugate = [_cross(normal[i - 2], normal[i - 1]) for i in range(3)]
+    adjugate = [np.cross(normal[i - 2], normal[i - 1], axis=0) for i in range(3)]
     weights = [(row * cell).sum(axis=0) for row in adjugate]
     fitted = sum(weight * side for weight, side in zip(weights, moments[:, 3:], strict=True))
     determinant = (normal[0] * adjugate[0]).sum(axis=0)
     return np.asarray(np.moveaxis(fitted / determinant, 0, -1), np.float32)
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product (3, ...) along the first axis."""
-    return np.stack([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)])
 
 
 @functools.lru_cache(maxsize=32)

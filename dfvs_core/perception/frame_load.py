@@ -60,7 +60,7 @@ class FrameLoad:
             self.late_ns = self.captured_ns
         self.done = work
 
-    def is_high(self, work: Work) -> bool:
+    def must_wait(self, work: Work) -> bool:
         """Whether work has to wait: frames are late, or it would make the last one too old.
 
         Frames are late where processing does not keep up with them. That counts from a frame's

@@ -235,7 +235,7 @@ class Pipeline:
         is_depth_first = tracker.extended_ns > self._depth_ns and not tracker.is_extending
         in_turn = (learn_depth, extend_goal) if is_depth_first else (extend_goal, learn_depth)
         for work, do, has_begun in (compare, *in_turn):
-            if (has_begun or not self._load.is_high(work)) and do():
+            if (has_begun or not self._load.must_wait(work)) and do():
                 self._load.note(work)
                 return self._tick() - start_ns
         return 0

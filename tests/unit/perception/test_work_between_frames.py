@@ -62,10 +62,10 @@ def picture(rng):
 
 
 def is_extended(picture, ages_ns, rate_hz):
-    """Whether a frame shows all of the goal within 6 s; the vehicle goes aside all the time."""
+    """Whether a frame shows all of the goal within 4 s; the vehicle goes aside all the time."""
     now, settings = [0], {"depth": "motion", "min_matched_texture": 0.0}
     perception = pipeline(picture, PartlySeen(), lambda: now[0], **settings)
-    found = frames(perception, picture, now, ages_ns, rate_hz, 6.0, aside_m_s=0.4)
+    found = frames(perception, picture, now, ages_ns, rate_hz, 4.0, aside_m_s=0.4)
     return any(confident_ratio(each.flow) > 0.9 for each in found)
 
 
@@ -81,11 +81,11 @@ def test_more_of_the_goal_is_found_at_any_rate_and_age_of_the_frames(picture, ra
 
 
 def learnt_at_ms(picture, ages_ns, rate_hz, engaged_from=None, work_ns=0):
-    """Times of the frames before which depth was learnt, ms; the vehicle goes aside for 5 s."""
+    """Times of the frames before which depth was learnt, ms; the vehicle goes aside for 7 s."""
     now, matcher, times = [0], StillMatcher(), []
     perception = pipeline(picture, matcher, lambda: now[0], depth="motion")
     before = None
-    flight = frames(perception, picture, now, ages_ns, rate_hz, 5.0, 0.4, engaged_from, work_ns)
+    flight = frames(perception, picture, now, ages_ns, rate_hz, 7.0, 0.4, engaged_from, work_ns)
     for frame in flight:
         # One is asked for in each frame from the second on; the rest came after the last frame.
         if before is not None and len(matcher.predictions) - before > 1:
@@ -108,7 +108,7 @@ def test_work_waits_for_processing_that_does_not_keep_up_and_not_for_transport(
     picture, transport_ms, processing_ms, is_put_off
 ):
     times_ms = learnt_at_ms(picture, (transport_ms * MS, processing_ms * MS), rate_hz=30)
-    assert len(times_ms) > 1
+    assert len(times_ms) > 2
     assert (np.diff(times_ms).min() >= PATIENCE_NS // MS) == is_put_off
     assert (np.diff(times_ms).max() <= 250) != is_put_off
 
@@ -128,7 +128,7 @@ def test_work_waits_where_the_last_one_delayed_a_frame_by_too_much(
 ):
     ages_ns = (transport_ms * MS, 30 * MS)
     times_ms = learnt_at_ms(picture, ages_ns, rate_hz, work_ns=work_ms * MS)
-    assert len(times_ms) > 1
+    assert len(times_ms) > 2
     assert (np.diff(times_ms).min() >= PATIENCE_NS // MS) == is_put_off
 
 
@@ -144,7 +144,7 @@ def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(
 ):
     """But not for ever."""
     times_ms = learnt_at_ms(picture, (0, late_ns), rate_hz=20)
-    assert len(times_ms) > 1
+    assert len(times_ms) > 2
     assert set(np.diff(times_ms)) == {between_ns // MS}
 
 
@@ -154,7 +154,7 @@ def test_where_frames_are_lost_an_old_one_is_late_though_the_next_is_not_there(
 ):
     """Every second frame of a camera was overtaken: the time between two is no measure then."""
     times_ms = learnt_at_ms(picture, (0, late_ns), rate_hz=5)
-    assert len(times_ms) > 1
+    assert len(times_ms) > 2
     assert (np.diff(times_ms).min() >= PATIENCE_NS // MS) == is_put_off
 
 
@@ -162,7 +162,7 @@ def test_a_held_vehicle_gets_the_second_of_good_data_though_work_makes_a_report_
     """Work takes longer than a frame may be old."""
     times_ms = learnt_at_ms(picture, (0, 30 * MS), rate_hz=15, work_ns=GateTiming().frame_age_ns)
     late_ms = (GateTiming().frame_age_ns + 30 * MS) // MS
-    assert len(times_ms) > 1
+    assert len(times_ms) > 2
     assert np.diff(times_ms).min() - late_ms > GateTiming().good_data_ns // MS
 
 
@@ -215,8 +215,8 @@ def test_a_long_step_of_one_work_is_remembered_though_another_is_short():
         captured_ms = max(1000 + 50 * k, now_ms)
         load.take(captured_ms * MS, captured_ms * MS, (captured_ms + 20) * MS)
         now_ms = captured_ms + 20
-        work = extension if not load.is_high(extension) else depth
-        if not load.is_high(work):
+        work = extension if not load.must_wait(extension) else depth
+        if not load.must_wait(work):
             load.note(work)
             done.append((captured_ms, work))
             now_ms += 300 if work is extension else 10
