@@ -96,17 +96,14 @@ class EncodeMatchPoints:
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
         self._input: ImageInput = manifest.input
+        self.width_px = manifest.input.width
+        """Of the network's images."""
         self._turns_rad, self._scales = turns_rad, scales
         self._changes = tuple(itertools.product(turns_rad, scales))
         self._encode = OnnxGraph(bundle, "encode", execution)
         self._match = OnnxGraph(bundle, "match", execution, FREE_AXES)
         self._check_tensors()
         self._try_out()
-
-    @property
-    def width_px(self) -> int:
-        """Width of the network's images."""
-        return self._input.width
 
     def encode(self, image: ImageArray) -> EncodedImage:
         """Take an image (H, W, 3) uint8 RGB."""
