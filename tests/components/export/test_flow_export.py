@@ -84,15 +84,12 @@ def test_torch_and_onnx_runtime_agree_where_keypoints_are_missing() -> None:
     assert parity(network, runner, [(first, second)]).holds
 
 
-def test_the_shipped_weights_give_bundles_of_any_size_that_check_compares(
-    tmp_path: Path, told
-) -> None:
+def test_the_shipped_weights_give_bundles_of_any_size(tmp_path: Path) -> None:
     out = tmp_path / "small"
     assert main(["flow", "--model", "dfvs-flow", "--size", "192x128", "--out", str(out)]) == 0
     shipped = read_bundle(bundle_folder("dfvs-flow")).manifest
     assert read_bundle(out).manifest.origin == shipped.origin
     assert load_weights(None).training in (out / "MODEL_CARD.md").read_text()
-    assert told("check", out, "--count", 2)["greatest_difference_px"] < 1e-3
 
 
 def test_weights_that_nobody_named_are_not_compared(bundle: Path, told) -> None:

@@ -120,25 +120,6 @@ def test_another_autopilot_is_flown_and_told(
         assert (told["autopilot"], told["estimate"], told["wind"]) == (PX4, None, None)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--estimate", "low", "--autopilot", PX4), "--estimate beside --autopilot"),
-        (("--wind", "calm", "--autopilot", PX4), "--wind beside --autopilot"),
-        (("--ground", PX4), "--ground without --autopilot"),
-        (("--system-id", "251"), "--system-id is 251"),
-    ],
-)
-def test_words_that_do_not_go_together_are_refused(
-    fly: Callable[..., int],
-    words: tuple[str, ...],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert fly(*words) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_a_summary_among_the_flights_is_refused(
     fly: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
