@@ -37,9 +37,9 @@ class Keypoints:
         moved = points @ self._to_image[:, :2].T + self._to_image[:, 2]
         return np.asarray(moved, np.float32)
 
-    def strongest(self, count: int) -> Keypoints:
-        """Keypoints of the highest scores."""
-        return Keypoints([tensor[:, :count] for tensor in self.tensors], self._to_image)
+    def strongest(self) -> Keypoints:
+        """The few keypoints of the highest scores."""
+        return Keypoints([tensor[:, :_FEW_KEYPOINTS] for tensor in self.tensors], self._to_image)
 
     def without(self, points: Float32Array) -> Keypoints:
         """Keypoints that are at none of some points (N, 2) px of the image."""
@@ -96,17 +96,14 @@ class EncodeMatchPoints:
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
         self._input: ImageInput = manifest.input
+        self.width_px = manifest.input.width
+        """Of the network's images."""
         self._turns_rad, self._scales = turns_rad, scales
         self._changes = tuple(itertools.product(turns_rad, scales))
         self._encode = OnnxGraph(bundle, "encode", execution)
         self._match = OnnxGraph(bundle, "match", execution, FREE_AXES)
         self._check_tensors()
         self._try_out()
-
-    @property
-    def width_px(self) -> int:
-        """Width of the network's images."""
-        return self._input.width
 
     def encode(self, image: ImageArray) -> EncodedImage:
         """Take an image (H, W, 3) uint8 RGB."""
@@ -136,11 +133,11 @@ class EncodeMatchPoints:
         turn = min(self._turns_rad, key=lambda turn: abs(math.remainder(turn - turn_rad, math.tau)))
         reduced = min(self._scales, key=lambda reduced: abs(math.log(reduced * scale)))
         first, second = current.keypoints(), other.keypoints(turn, reduced)
-        return self._match_points(first.strongest(_FEW_KEYPOINTS), second.strongest(_FEW_KEYPOINTS))
+        return self._match_points(first.strongest(), second.strongest())
 
     def _support(self, first: Keypoints, seconds: Sequence[Keypoints]) -> Float32Array:
         """Sum (n,) of the confidence of matches of the strongest keypoints with each image's."""
-        few, *others = (k.strongest(_FEW_KEYPOINTS).tensors for k in (first, *seconds))
+        few, *others = (k.strongest().tensors for k in (first, *seconds))
         repeated = [np.repeat(tensor, len(others), axis=0) for tensor in few]
         stacked = [np.concatenate(tensors) for tensors in zip(*others, strict=True)]
         _, confidence = self._run(repeated, stacked)
@@ -208,7 +205,7 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest(_FEW_KEYPOINTS)
+        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest()
         tensors = [np.repeat(tensor, 2, axis=0) for tensor in found.tensors]
         feeds = self._manifest.match_feeds(tensors, tensors)
         given = [

@@ -50,15 +50,12 @@ class PairMatcher:
             raise ModelError(f"bundle {manifest.name!r} gives no flow", "a bundle of kind 'pair'")
         self._input = manifest.input
         self._flow = manifest.flow
+        self.width_px = manifest.input.width
+        """Of the network's images."""
         self._config = MatchingConfig()
         self._graph = OnnxGraph(bundle, "pair", execution)
         self._graph.require_shapes(self._input.pair_shapes())
         self._try_out()
-
-    @property
-    def width_px(self) -> int:
-        """Width of the network's images."""
-        return self._input.width
 
     def encode(self, image: ImageArray) -> PairImage:
         """Resize and normalise an image (H, W, 3) uint8 RGB."""
@@ -130,15 +127,7 @@ class FlowPoints:
 
     def __init__(self, network: PairMatcher) -> None:
         self._network = network
-
-    @property
-    def width_px(self) -> int:
-        """Width of the network's images."""
-        return self._network.width_px
-
-    def encode(self, image: ImageArray) -> PairImage:
-        """Resize and normalise an image (H, W, 3) uint8 RGB."""
-        return self._network.encode(image)
+        self.width_px, self.encode = network.width_px, network.encode
 
     def hypotheses(
         self, current: PairImage, other: PairImage, exclusion: Exclusion | None = None

@@ -16,10 +16,11 @@ POSE = camera_pose((0.5, -1.0, -1.3), 0.7)
 TASK = BenchTask(
     "room", builtin_room_path(), POSE, POSE, CameraModel(160, 120, 100, 100, 80, 60), "easy"
 )
+PX4 = "udpin://127.0.0.1:14540"
 BASIN = "--runs runs --method true-depth --bundle classical --iterations 40 --trials 2"
 GIVEN = {
     "basin": f"--tasks tasks.json --translations 0.2,4 --rotations 4,4,8 {BASIN}",
-    "drone": "--tasks tasks.json --runs runs --estimate low --timeout 120 --ready 90",
+    "drone": "--tasks tasks.json --runs runs --timeout 120 --ready 90",
     "flow": "wall.npz",
     "lockstep": "--seeds 0 --timeout 0.2",
     "relocalise": "ROOM",
@@ -62,6 +63,10 @@ def folder(tmp_path, monkeypatch):
         ("drone", "--set flow.model=classical", "--bundle"),
         ("drone", "--timeout 0", "--timeout is 0"),
         ("drone", "--seed -1", "--seed is -1"),
+        ("drone", f"--estimate low --autopilot {PX4}", "--estimate beside --autopilot"),
+        ("drone", f"--wind calm --autopilot {PX4}", "--wind beside --autopilot"),
+        ("drone", f"--ground {PX4}", "--ground without --autopilot"),
+        ("drone", "--system-id 251", "--system-id is 251"),
         ("drone", "--scenes moon", "no scene 'moon'"),
         ("drone", "--scene moon.glb", "moon.glb is no GLB file"),
         ("flow", "--bundle raft", "no model 'raft'; expected 'classical' or the folder"),

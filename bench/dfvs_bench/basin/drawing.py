@@ -15,6 +15,7 @@ from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.task import BenchTask
 from dfvs_bench.trials.task_sampling import SceneSampler
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene.mesh import SceneError
 
 DRAWING_VERSION = 1
@@ -137,7 +138,8 @@ class _Sampler(SceneSampler):
             T_start = T_goal @ cell.displacement(rng)
             if self._is_reachable(T_start[:3, 3], T_goal[:3, 3]):
                 depths = (depth_m, self.renderer.depth(self.camera, T_start))
-                yield T_start, T_goal, self.overlap((T_goal, T_start), depths)
+                seen = visibility(self.camera, (T_goal, T_start), depths)
+                yield T_start, T_goal, float(seen.mean())
 
     def _draw_goals(self, rng: np.random.Generator) -> list[tuple[FloatArray, Float32Array]]:
         """Poses with their depth (H, W): upright, some pitch, texture, nothing right in front."""

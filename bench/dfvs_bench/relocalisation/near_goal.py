@@ -15,7 +15,6 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_sim.camera.sensor import SensorNoise
-from dfvs_sim.render.renderer import Renderer
 
 _AWAY = (0.04, 0.02, 0.01, 0.005)
 """Distance of each view from the goal over the depth of the goal view; the last is judged."""
@@ -43,7 +42,7 @@ def approach(
     matcher: Matcher, environment: Environment, drawn: DrawnTask, camera: CameraModel
 ) -> Approach:
     """Track the views that lead to a drawn goal, each by the flow of the one before."""
-    renderer: Renderer = renderer_of(environment.scene)
+    renderer = renderer_of(environment.scene)
     rng = np.random.default_rng(int(1e6 * drawn.overlap))
     T_world_goal = drawn.task(environment).T_world_goal
     noise = SensorNoise.make(camera.size, _NOISE, rng)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer, View
@@ -105,12 +105,6 @@ class SceneSampler:
         """Number of SIFT points of an image (H, W, 3)."""
         return len(self._sift.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None))
 
-    def overlap(
-        self, poses: tuple[FloatArray, FloatArray], depths: tuple[Float32Array, Float32Array]
-    ) -> float:
-        """Share of the goal's pixels that the start sees; goal and start, with depths (H, W) m."""
-        return float(visibility(self.camera, poses, depths).mean())
-
 
 class TaskSampler(SceneSampler):
     """Draws goals and starts that meet constraints."""
@@ -132,7 +126,8 @@ class TaskSampler(SceneSampler):
         first = self.good_view(T_start) if self.is_free(place) else None
         if first is None:
             return None
-        overlap = self.overlap((T_goal, T_start), (view.depth_m, first.depth_m))
+        depths = (view.depth_m, first.depth_m)
+        overlap = visibility(self.camera, (T_goal, T_start), depths).mean()
         if not self._constraints.overlap[0] <= overlap <= self._constraints.overlap[1]:
             return None
         free = self.is_free_path(np.linspace(place, end, _WAY_POINTS), _ON_THE_WAY_M)

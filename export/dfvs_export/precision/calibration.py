@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.warping import resized
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.precision.int8 import Feeds
 
@@ -41,7 +42,7 @@ def read_frames(path: Path, size: tuple[int, int], count: int) -> list[ImagePair
         pairs = [(first[k], second[k]) for k in _evenly(len(first), count)]
     if not pairs:
         raise ConfigError(f"no pairs of images in {path}", _EXPECTED)
-    return [(_sized(a, size), _sized(b, size)) for a, b in pairs]
+    return [(resized(a, size[::-1]), resized(b, size[::-1])) for a, b in pairs]
 
 
 def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, list[Feeds]]:
@@ -85,7 +86,3 @@ def _read_image(path: Path) -> ImageArray:
     if image is None:
         raise ConfigError(f"{path} is no image that can be read", _EXPECTED)
     return cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
-
-
-def _sized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
-    return cast(ImageArray, cv2.resize(image, size, interpolation=cv2.INTER_AREA))

@@ -26,11 +26,11 @@ _TOGETHER, _APART = 0.7, 0.5
 def drawn_flows(count: int, rng: np.random.Generator) -> tuple[Flow, Tensor, tuple[Tensor, Tensor]]:
     """Flows (count, 2, 18, 24), focal lengths (count, 1), translations and rotation vectors."""
     motions = [PlanarMotion.drawn(rng) for _ in range(count)]
-    true = _tensor([_flow(motion).transpose(2, 0, 1) for motion in motions])
+    true = stacked([_flow(motion).transpose(2, 0, 1) for motion in motions])
     poses = [motion.in_depths() for motion in motions]
-    focal = _tensor([np.array([motion.focal]) for motion in motions])
+    focal = stacked([np.array([motion.focal]) for motion in motions])
     translation, rotation = ([T[:3, 3] for T in poses], [so3_log(T[:3, :3]) for T in poses])
-    return with_errors(true, rng), focal, (_tensor(translation), _tensor(rotation))
+    return with_errors(true, rng), focal, (stacked(translation), stacked(rotation))
 
 
 def with_errors(true: Tensor, rng: np.random.Generator) -> Flow:
@@ -43,7 +43,7 @@ def with_errors(true: Tensor, rng: np.random.Generator) -> Flow:
 
     def level(span_px: tuple[float, float]) -> Tensor:
         low, high = np.log(span_px)
-        return _tensor(list(rng.uniform(low, high, (count, 1, 1, 1))))
+        return stacked(list(rng.uniform(low, high, (count, 1, 1, 1))))
 
     unknown = true.isnan().any(1, keepdim=True)
     true = true.nan_to_num()
@@ -66,5 +66,6 @@ def _flow(motion: PlanarMotion) -> FloatArray:
     return (motion.seen(STRIDE) - motion.camera.grid(STRIDE)) / motion.camera.width
 
 
-def _tensor(rows: list[FloatArray]) -> Tensor:
+def stacked(rows: list[FloatArray]) -> Tensor:
+    """Arrays of one shape as a tensor (B, ...) float32."""
     return torch.from_numpy(np.stack(rows).astype(np.float32))

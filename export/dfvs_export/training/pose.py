@@ -8,11 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.arrays import Float32Array
 from dfvs_core.geometry.poses import so3_log
 from dfvs_export.networks.pose_regression import PoseNet
 from dfvs_export.networks.siamese_pose import SiameseNet
 from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
+from dfvs_export.training.drawn_flows import stacked
 from dfvs_export.training.planar_pairs import PlanarPoseReader
 from dfvs_export.training.pose_loss import PoseBatch, PoseErrors, siamese_loss, stacked_loss
 from dfvs_export.training.pose_pairs import RoomPoseReader
@@ -107,9 +108,9 @@ def _batch(reader: RoomPoseReader | PlanarPoseReader) -> PoseBatch:
     return PoseBatch(
         _images([pair.first for pair in pairs]),
         _images([pair.second for pair in pairs]),
-        _tensor([np.array([pair.focal]) for pair in pairs]),
-        _tensor([T[:3, 3] for T in poses]),
-        _tensor([so3_log(T[:3, :3]) for T in poses]),
+        stacked([np.array([pair.focal]) for pair in pairs]),
+        stacked([T[:3, 3] for T in poses]),
+        stacked([so3_log(T[:3, :3]) for T in poses]),
         torch.from_numpy(np.stack([pair.flow for pair in pairs])).permute(0, 3, 1, 2),
     )
 
@@ -117,7 +118,3 @@ def _batch(reader: RoomPoseReader | PlanarPoseReader) -> PoseBatch:
 def _images(images: list[Float32Array]) -> Tensor:
     tensor = torch.from_numpy(np.stack(images))[:, None]
     return tensor.contiguous(memory_format=torch.channels_last)
-
-
-def _tensor(rows: list[FloatArray]) -> Tensor:
-    return torch.from_numpy(np.stack(rows).astype(np.float32))

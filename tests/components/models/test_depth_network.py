@@ -118,11 +118,6 @@ def test_a_depth_with_an_unknown_offset_flies_fused_only(tmp_path):
         load_depth("network", folder)
 
 
-def test_a_matcher_gives_no_depth():
-    with pytest.raises(ModelError, match="gives no depth"):
-        load_depth("fused", "dfvs-flow")
-
-
 def test_no_bundle_is_looked_for_where_none_is_needed():
     assert load_depth("motion", "there is none") is None
     assert depth_files("motion", "there is none") == {}

@@ -8,19 +8,18 @@ from dfvs_core.gate.limits import BodyVelocity, VelocityLimits, saturate, slew
 LIMITS = VelocityLimits(0.5, 0.3, np.radians(20), 0.5, np.radians(60))
 
 
-def test_a_long_way_is_a_trapezoid():
-    # 1 s up to 0.5 m/s and 1 s down again are 0.5 m, the other 1.5 m take 3 s
-    assert trapezoid_s(2.0, 0.5, 0.5) == pytest.approx(5.0)
-
-
-def test_a_short_way_is_a_triangle():
-    # 0.125 m of speeding up at 0.5 m/s² take 0.707 s, and as long to slow down
-    assert trapezoid_s(0.25, 0.5, 0.5) == pytest.approx(2**0.5)
-    assert trapezoid_s(0.0, 0.5, 0.5) == 0.0
-
-
-def test_both_formulas_meet_where_full_speed_is_just_reached():
-    assert trapezoid_s(0.5, 0.5, 0.5) == pytest.approx(trapezoid_s(0.5 + 1e-12, 0.5, 0.5))
+@pytest.mark.parametrize(
+    ("way_m", "time_s"),
+    [
+        (2.0, 5.0),  # 1 s up to 0.5 m/s and 1 s down are 0.5 m, the other 1.5 m take 3 s
+        (0.5 + 1e-12, 2.0),  # full speed is just reached
+        (0.5, 2.0),
+        (0.25, 2**0.5),  # 0.125 m of speeding up at 0.5 m/s² take 0.707 s, and as long to slow down
+        (0.0, 0.0),
+    ],
+)
+def test_a_long_way_is_a_trapezoid_and_a_short_one_a_triangle(way_m, time_s):
+    assert trapezoid_s(way_m, 0.5, 0.5) == pytest.approx(time_s)
 
 
 def test_the_slower_of_way_and_turn_decides():

@@ -1,5 +1,7 @@
 """Depths of Fig. 2: as good as their sources, in the order of the paper, and printed as vectors."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from depth_bundle import bundle
@@ -23,6 +25,7 @@ TASK = BenchTask("room", builtin_room_path(), GOAL @ ASIDE, GOAL, CAMERA)
 INVERSE_DEPTH = 0.5
 
 
+@cache
 def views(unit):
     network = DepthNetwork(bundle(np.full((60, 80), INVERSE_DEPTH), unit=unit), Execution(1))
     renderer = Renderer(load_glb(TASK.scene))

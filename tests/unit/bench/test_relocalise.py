@@ -19,7 +19,7 @@ from dfvs_bench.relocalisation.relocalise import (
     summarise,
     without,
 )
-from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_sim.render.renderer import Renderer
@@ -43,10 +43,6 @@ def verdict(view, flow=None, sure=1.0, truth=OFF):
     depth_m, exact = view
     confidence = np.full(depth_m.shape, sure, np.float32)
     return judge(FlowField(exact if flow is None else flow, confidence), depth_m, CAMERA, truth)
-
-
-def test_the_exact_flow_is_right(view):
-    assert verdict(view) is Verdict.RIGHT
 
 
 def test_a_flow_that_is_not_sure_says_nothing(view):
@@ -106,11 +102,6 @@ def test_figures_are_counted_by_matcher_and_class():
     assert figures["b"]["by_overlap"] == {
         "60% to 100%": {"pairs": 1, "right": 1, "wrong": 0, "none": 0}
     }
-
-
-def test_the_true_pose_of_the_goal_is_in_the_current_view(view):
-    """A pose the wrong way round would be wrong."""
-    assert verdict(view, truth=invert_pose(OFF)) is Verdict.WRONG
 
 
 def measured(folder, *words):

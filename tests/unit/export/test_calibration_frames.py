@@ -26,15 +26,11 @@ def brightness(pairs) -> list[tuple[int, int]]:
     return [(int(a[0, 0, 0]), int(b[0, 0, 0])) for a, b in pairs]
 
 
-def test_pairs_of_a_file_are_taken_evenly(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("count", "taken"), [(3, [0, 4, 8]), (30, range(9))])
+def test_pairs_of_a_file_are_taken_evenly_or_all(tmp_path: Path, count, taken) -> None:
     np.savez(tmp_path / "p.npz", IA=images(9), IB=images(9, 100))
-    pairs = read_frames(tmp_path / "p.npz", SIZE, 3)
-    assert brightness(pairs) == [(0, 100), (4, 104), (8, 108)]
-
-
-def test_all_pairs_are_taken_where_there_are_fewer(tmp_path: Path) -> None:
-    np.savez(tmp_path / "p.npz", IA=images(2), IB=images(2, 100))
-    assert len(read_frames(tmp_path / "p.npz", SIZE, 30)) == 2
+    pairs = read_frames(tmp_path / "p.npz", SIZE, count)
+    assert brightness(pairs) == [(k, 100 + k) for k in taken]
 
 
 def test_images_of_a_folder_are_paired_half_a_flight_apart(tmp_path: Path) -> None:

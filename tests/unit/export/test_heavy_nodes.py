@@ -47,16 +47,11 @@ def model() -> onnx.ModelProto:
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 
-def names(model: onnx.ModelProto, takes_images: bool) -> list[str]:
-    return [node.name for node in heavy_nodes(model.graph, takes_images)]
-
-
-def test_what_reads_the_image_or_gives_the_output_keeps_its_bits(model) -> None:
-    assert names(model, takes_images=True) == ["middle"]
-
-
-def test_features_in_are_no_image(model) -> None:
-    assert names(model, takes_images=False) == ["first", "middle"]
+@pytest.mark.parametrize(
+    ("takes_images", "heavy"), [(True, ["middle"]), (False, ["first", "middle"])]
+)
+def test_what_reads_an_image_or_gives_the_output_keeps_its_bits(model, takes_images, heavy) -> None:
+    assert [node.name for node in heavy_nodes(model.graph, takes_images)] == heavy
 
 
 def product(name: str, inputs: list[str]) -> onnx.NodeProto:

@@ -1,4 +1,4 @@
-"""Methods in the benchmark's report and plots."""
+"""Methods and tasks in the benchmark's report and plots."""
 
 import dataclasses
 
@@ -13,8 +13,10 @@ from dfvs_bench.report.figures import STYLE, draw_controller, method_styles
 from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, write_record
 from dfvs_bench.trials.scenes import default_tasks
+from dfvs_bench.trials.settings import setting_tasks
 from dfvs_bench.trials.trial import Step, Trial
 
+KEPT, OTHER = "its initial distances and angles are kept", "and so are the tasks"
 KITCHEN = next(task for task in default_tasks() if task.name == "kitchen")
 
 
@@ -87,3 +89,16 @@ def test_the_titles_of_the_controller_s_plot_are_whole():
 def test_the_velocities_of_the_controller_s_plot_are_motions_over_the_frame_period():
     labels = [axes.get_ylabel() for axes in draw_controller([record("published")]).axes]
     assert labels[1:3] == ["m ÷ 0.1 s", "rad ÷ 0.1 s"]
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [("default", [KEPT]), ("near", [OTHER]), ("none", [])],
+)
+def test_only_the_paper_s_initial_errors_are_said_to_be_kept(tmp_path, setting, said):
+    if setting == "default":
+        tasks = default_tasks()
+    else:
+        tasks = [] if setting == "none" else setting_tasks(setting, 0.25, tmp_path)
+    page = report_page(Contents(tasks), lambda _: None)
+    assert [text for text in (KEPT, OTHER) if text in page] == said
