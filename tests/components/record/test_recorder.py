@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import json
-import resource
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from full_disk import no_file_above
 from mcap.reader import make_reader
 from recorded_flight import CAMERA, fly
 
@@ -214,14 +214,9 @@ def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_p
 
 
 def test_a_disk_that_is_full_never_stops_the_recorder(tmp_path, large):
-    """The kernel refuses to let a file grow: all that the disk could do."""
     desk = Desk(tmp_path)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, before[1]))
-    try:
+    with no_file_above(700_000):
         desk.take(large.events)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     counts = desk.recorder.counts
     assert counts.dropped > 0
     assert counts.records > 0
