@@ -15,11 +15,10 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from full_disk import no_file_above
 from mcap.reader import make_reader
-from recorded_flight import CAMERA, fly
+from recorded_flight import CAMERA, fly, put
 
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.image import decode_image
 from dfvs_core.perception.flow_grid import FlowGrid
@@ -58,12 +57,9 @@ class Desk:
         self.recorder = Recorder(folder, "r", section, lambda: self.now_ns, self.warnings.append)
 
     def take(self, events):
-        for message, payload in events:
+        for event in events:
             self.now_ns += S // 20
-            if isinstance(message, SessionHeader):
-                self.recorder.open(message, payload)
-            else:
-                self.recorder.add(message, payload)
+            put(self.recorder, *event)
         return self
 
     def record(self, events):

@@ -51,12 +51,10 @@ class Rig:
         return self.show(picture(yaw_deg), yaw_deg, heard=heard)
 
     def show(self, image, yaw_deg=10.0, *, heard=True, clock=CLOCK, damaged=False):
-        self.now_ns += 50 * MS
-        if heard:
-            self.hear(yaw_deg)
-        self.now_ns += 50 * MS
-        if heard:
-            self.hear(yaw_deg)
+        for _ in range(2):
+            self.now_ns += 50 * MS
+            if heard:
+                self.hear(yaw_deg)
         self.seq += 1
         image[1, 1] = self.seq % 251
         frame = Frame(image, self.now_ns, self.seq)
