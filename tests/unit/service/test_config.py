@@ -17,6 +17,7 @@ from dfvs_service.settings.config import (
 from dfvs_service.settings.config_text import markdown_table, toml_text
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.2)
+SIDECAR = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.3))
 
 
 def write(folder, text):
@@ -77,16 +78,13 @@ def test_what_is_wrong_in_a_file_is_said_in_one_line(tmp_path, text, words):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["nowhere.toml", "."])
-def test_a_file_that_cannot_be_read_is_an_error(tmp_path, name):
-    with pytest.raises(ConfigError, match="cannot read"):
+@pytest.mark.parametrize(
+    ("name", "problem"), [("none.toml", "cannot read"), (".", "cannot read"), ("x", "not TOML")]
+)
+def test_a_file_that_cannot_be_read_is_an_error(tmp_path, name, problem):
+    (tmp_path / "x").write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match=problem):
         load_config(tmp_path / name, {})
-
-
-def test_a_file_that_is_no_text_is_an_error(tmp_path):
-    (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match="not TOML"):
-        load_config(tmp_path / "x.toml", {})
 
 
 @pytest.mark.parametrize(
@@ -173,17 +171,15 @@ def test_a_field_of_view_makes_a_pinhole_of_the_goals_size():
 
 
 def test_without_intrinsics_the_goals_sidecar_gives_lens_and_mounting():
-    sidecar = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.3))
-    config, camera = ServiceConfig().with_camera((320, 240), sidecar)
+    config, camera = ServiceConfig().with_camera((320, 240), SIDECAR)
     assert camera == CAMERA
     assert config.camera.model() == CAMERA
-    assert config.camera.mount == sidecar.mount
+    assert config.camera.mount == SIDECAR.mount
 
 
 def test_settings_win_over_the_sidecar():
-    sidecar = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.3))
     config = load_config(None, {"camera.horizontal_fov_deg": 90, "camera.mount.x_m": 0.1})
-    config, camera = config.with_camera((320, 240), sidecar)
+    config, camera = config.with_camera((320, 240), SIDECAR)
     assert camera.fx == pytest.approx(160.0)
     assert config.camera.mount == Mount(x_m=0.1)
 
