@@ -113,14 +113,17 @@ def fly(
     return RecordedFlight(events)
 
 
+def put(recorder, message, payload):
+    """Give a recorder an opening or a turn."""
+    take = recorder.open if isinstance(message, SessionHeader) else recorder.add
+    take(message, payload)
+
+
 def write_recording(folder, events):
     """Openings and turns as a recording; its file."""
     recorder = Recorder(folder, "flight", RecordSection(min_free_mb=0.0), lambda: 0, print)
-    for message, payload in events:
-        if isinstance(message, SessionHeader):
-            recorder.open(message, payload)
-        else:
-            recorder.add(message, payload)
+    for event in events:
+        put(recorder, *event)
     recorder.close()
     return folder / "flight-000.mcap"
 

@@ -20,9 +20,14 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(**options)
 
 
+def command_parser(prog: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    """Parser of a program's command, whose texts keep their lines."""
+    return _Parser(prog=prog, description=description, epilog=epilog)
+
+
 def program_parser(prog: str, description: str, epilog: str) -> argparse.ArgumentParser:
     """Parser of a program, whose texts keep their lines; ``--version`` prints and ends."""
-    parser = _Parser(prog=prog, description=description, epilog=epilog)
+    parser = command_parser(prog, description, epilog)
     parser.add_argument(
         "--version",
         action="version",

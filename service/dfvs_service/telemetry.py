@@ -97,15 +97,12 @@ class Telemetry:
                 closed = self._closed
             for stream, make in waiting.items():
                 try:
-                    if self._is_wanted(stream):
+                    if stream not in _ON_DEMAND or has_subscriber(self._publisher(stream)):
                         self._put(stream, make())
                 except zenoh.ZError as error:
                     log.warning("telemetry %r not published: %s", stream, error)
             if closed:
                 return
-
-    def _is_wanted(self, stream: str) -> bool:
-        return stream not in _ON_DEMAND or has_subscriber(self._publisher(stream))
 
     def _put(self, stream: str, note: Note) -> None:
         self._copy(stream, note.payload if note.kept is None else note.kept)

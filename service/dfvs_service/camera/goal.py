@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 
+from dfvs_common.command_line import command_parser
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal import Mount
@@ -45,11 +46,10 @@ usable images the sharpest is kept. Exit code: 0 done, 2 cannot run.
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-camera goal",
-        description="Take a goal image, with a sidecar of calibration, attitude and time.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = command_parser(
+        "dfvs-camera goal",
+        "Take a goal image, with a sidecar of calibration, attitude and time.",
+        _EPILOG,
     )
     add_source_options(parser)
     add_calibration_option(parser)

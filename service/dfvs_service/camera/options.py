@@ -15,7 +15,6 @@ from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
 from dfvs_service.camera.sources.spec import STAMPED_ON_ARRIVAL, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
-from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
 
 
@@ -41,16 +40,6 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         default=0.0,
         metavar="MS",
         help="measured time from capture to arrival, where the source tells none (default: 0)",
-    )
-
-
-def add_zenoh_options(parser: argparse.ArgumentParser) -> None:
-    """Add the service's settings and ``--connect``."""
-    add_settings_options(parser)
-    parser.add_argument(
-        "--connect",
-        metavar="ENDPOINT",
-        help="Zenoh endpoint of the service (default: what the settings say it listens on)",
     )
 
 

@@ -14,7 +14,6 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
     add_source_options,
-    add_zenoh_options,
     calibration_of,
     cameras_zenoh,
     feed_of,
@@ -22,7 +21,7 @@ from dfvs_service.camera.options import (
     source_options,
 )
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions, publish_feed
-from dfvs_service.settings.options import settings_from
+from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.zenoh_session import open_persistently
 
 _EPILOG = """\
@@ -50,7 +49,12 @@ def parser() -> argparse.ArgumentParser:
     )
     add_source_options(made)
     add_calibration_option(made)
-    add_zenoh_options(made)
+    add_settings_options(made)
+    made.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of the service (default: what the settings say it listens on)",
+    )
     made.add_argument(
         "--format", choices=sorted(FORMAT_NAMES), default="jpeg", help="(default: jpeg)"
     )

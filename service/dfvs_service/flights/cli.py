@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_OK
 from dfvs_service.flights import layout
 from dfvs_service.flights.export import export_flight
@@ -45,11 +46,10 @@ def flights(words: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-service flights",
-        description="List, show and export the records that every flight leaves behind.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = command_parser(
+        "dfvs-service flights",
+        "List, show and export the records that every flight leaves behind.",
+        _EPILOG,
     )
     common = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
     for each in (common, parser):

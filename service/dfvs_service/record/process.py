@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
 from dfvs_common.progress import warn
 from dfvs_core.messages.frame_record import SessionHeader
@@ -81,10 +80,8 @@ class RecorderProcess:
         self._config = config
         self._follower = Follower(config)
         self._folder = prepare_folder(Path(config.record.folder))
-
-    def stop(self, number: int, frame: FrameType | None) -> None:
+        self.stop = self._follower.stop
         """Signal handler: take what has come, then end."""
-        self._follower.stop(number, frame)
 
     def run(self) -> None:
         """Record until told to stop."""

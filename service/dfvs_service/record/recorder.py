@@ -121,8 +121,15 @@ class Recorder:
             self._write([self._translation.flow(grid)])
 
     def close(self) -> None:
-        """Bring the recording to its end."""
-        self._finish()
+        """Bring the file that is being written to its end."""
+        if self._file is None:
+            return
+        file, self._file = self._file, None
+        try:
+            file.finish()
+        except OSError as error:
+            self._warn(f"{file.path} could not be ended: {error.strerror}")
+        self._written.append(file.path)
 
     # --- files ----------------------------------------------------------------------------
 
@@ -139,14 +146,14 @@ class Recorder:
                 self._next_sync_ns = now_ns + _SYNC_NS
                 file.sync()
                 if not self._has_room():
-                    self._finish()
+                    self.close()
                     self._pause(f"less than {self._free_bytes // MB} MB are free")
                     return True
         except OSError as error:
             self._pause(f"{self._folder}: {error.strerror}")
             return False
         if file.size_bytes >= self._file_bytes and not first:
-            self._finish()
+            self.close()
         return True
 
     def _begin(self) -> bool:
@@ -166,16 +173,6 @@ class Recorder:
         self._begun += 1
         self._make_room()
         return self._write(self._translation.header(image), first=True)
-
-    def _finish(self) -> None:
-        if self._file is None:
-            return
-        file, self._file = self._file, None
-        try:
-            file.finish()
-        except OSError as error:
-            self._warn(f"{file.path} could not be ended: {error.strerror}")
-        self._written.append(file.path)
 
     def _pause(self, why: str) -> None:
         """Write nothing for a while; what was written stays."""

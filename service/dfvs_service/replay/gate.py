@@ -1,11 +1,11 @@
 """``dfvs-service replay-gate``: replay of the gate's decisions on a recorded flight."""
 
-import argparse
 import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import S
@@ -26,12 +26,11 @@ def replay_gate(words: Sequence[str]) -> int:
     DfvsError
         If the file cannot be read or is no journal.
     """
-    parser = argparse.ArgumentParser(
-        prog="dfvs-service replay-gate",
-        description="Put the inputs that the gate recorded (gate-inputs.jsonl in the runtime "
+    parser = command_parser(
+        "dfvs-service replay-gate",
+        "Put the inputs that the gate recorded (gate-inputs.jsonl in the runtime "
         "folder) through a fresh gate, and compare what it says with what it said.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
     parser.add_argument("journal", type=Path, metavar="JOURNAL")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")

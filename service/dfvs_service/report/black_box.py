@@ -55,7 +55,7 @@ class BlackBoxFlight:
         if self._start_ns is not None:
             for step in _steps(self._folder / layout.GATE_INPUTS):
                 _add_step(builder, step)
-            for document in _telemetry(self._folder, "servo"):
+            for document in _servo_documents(self._folder):
                 builder.add_servo(document)
         return Flight(
             summary=read_summary(self._folder),
@@ -116,10 +116,10 @@ def _steps(path: Path) -> Iterator[Step]:
         return
 
 
-def _telemetry(folder: Path, stream: str) -> Iterator[dict[str, Any]]:
+def _servo_documents(folder: Path) -> Iterator[dict[str, Any]]:
     for path in sorted(folder.glob(f"{layout.TELEMETRY}-*.jsonl"), key=numbered):
         for record in read_lines(path):
-            if record.get("stream") == stream and isinstance(record.get("data"), dict):
+            if record.get("stream") == "servo" and isinstance(record.get("data"), dict):
                 yield record["data"]
 
 

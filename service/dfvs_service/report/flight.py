@@ -112,25 +112,15 @@ class Flight:
 class FlightSource(Protocol):
     """Records of a flight."""
 
-    @property
-    def name(self) -> str:
-        """Name of the flight, fit for a file."""
-        ...
-
-    @property
-    def video_rate_hz(self) -> int:
-        """Frames a second that do the views justice."""
-        ...
-
-    @property
-    def note(self) -> str:
-        """What a reader has to know of the views that were given; empty for nothing."""
-        ...
+    name: str
+    """Name of the flight, fit for a file."""
+    video_rate_hz: int
+    """Frames a second that do the views justice."""
+    note: str
+    """What a reader has to know of the views that were given; empty for nothing."""
 
     def read(self) -> Flight:
         """All but the views."""
-        ...
 
     def views(self) -> Iterator[FlightView]:
         """What the camera saw, oldest first."""
-        ...

@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
@@ -30,11 +31,10 @@ recorded, 1 none, 2 cannot run.
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-service teach",
-        description="Record a route: goal images, each of which is seen from the one before.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = command_parser(
+        "dfvs-service teach",
+        "Record a route: goal images, each of which is seen from the one before.",
+        _EPILOG,
     )
     add_settings_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="empty or new")

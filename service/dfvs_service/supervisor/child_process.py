@@ -18,11 +18,9 @@ class ChildProcess(Protocol):
 
     def stop(self, signal: int, frame: FrameType | None, /) -> None:
         """Signal handler of SIGTERM and ``ORPHANED``: end."""
-        ...
 
     def run(self) -> None:
         """Work until told to stop."""
-        ...
 
 
 def begin_child(

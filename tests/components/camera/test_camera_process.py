@@ -100,12 +100,11 @@ def test_what_cannot_be_mended_by_waiting_ends_with_one_line(folder, tmp_path, r
     assert "640x480, the calibration's size" in refused(cli.main, *words)
 
 
-def test_pictures_of_another_size_than_the_calibration_end_it(listener, folder):
+def test_pictures_of_another_size_than_the_calibration_end_it(listener, folder, capsys):
     write_calibration(folder / "other.toml", CameraModel(640, 480, 5e2, 5e2, 320.0, 240.0), [])
     words = ("--source", folder, "--calibration", folder / "other.toml")
-    code, _, err = ended(camera(*words, "--connect", listener.endpoint))
-    assert code == 2
-    assert "64 x 48 px; expected 640 x 480 px" in err.splitlines()[-1]
+    assert cli.main([*map(str, words), "--connect", listener.endpoint]) == 2
+    assert "64 x 48 px; expected 640 x 480 px" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_a_camera_that_is_unplugged_is_waited_for(listener):
@@ -121,12 +120,10 @@ def test_a_camera_that_is_unplugged_is_waited_for(listener):
     assert "trying again" in "".join(lines)
 
 
-def test_a_camera_that_nobody_receives_ends_where_somebody_must(folder):
-    with listening_peer() as (_, endpoint):
-        words = ("--source", folder, "--loop", "--require-subscriber", "1", "--connect", endpoint)
-        code, _, err = ended(camera(*words, "--vehicle", TOPICS.vehicle))
-    assert code == 2
-    assert "nobody receives dfvs/filmed/camera" in err.splitlines()[-1]
+def test_a_camera_that_nobody_receives_ends_where_somebody_must(service, folder, capsys):
+    words = ["--source", str(folder), "--loop", "--require-subscriber", "1"]
+    assert cli.main([*words, "--connect", service[1], "--vehicle", TOPICS.vehicle]) == 2
+    assert "nobody receives dfvs/filmed/camera" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_a_camera_that_is_received_goes_on(listener, folder):

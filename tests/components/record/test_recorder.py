@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import json
-import resource
 
 import numpy as np
 import pytest
@@ -14,12 +13,12 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from full_disk import no_file_above
 from mcap.reader import make_reader
-from recorded_flight import CAMERA, fly
+from recorded_flight import CAMERA, fly, put
 
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.image import decode_image
 from dfvs_core.perception.flow_grid import FlowGrid
@@ -58,12 +57,9 @@ class Desk:
         self.recorder = Recorder(folder, "r", section, lambda: self.now_ns, self.warnings.append)
 
     def take(self, events):
-        for message, payload in events:
+        for event in events:
             self.now_ns += S // 20
-            if isinstance(message, SessionHeader):
-                self.recorder.open(message, payload)
-            else:
-                self.recorder.add(message, payload)
+            put(self.recorder, *event)
         return self
 
     def record(self, events):
@@ -214,14 +210,9 @@ def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_p
 
 
 def test_a_disk_that_is_full_never_stops_the_recorder(tmp_path, large):
-    """The kernel refuses to let a file grow: all that the disk could do."""
     desk = Desk(tmp_path)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, before[1]))
-    try:
+    with no_file_above(700_000):
         desk.take(large.events)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     counts = desk.recorder.counts
     assert counts.dropped > 0
     assert counts.records > 0

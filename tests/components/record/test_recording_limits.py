@@ -1,10 +1,9 @@
 """Recordings with small limits, and records that are lost where goal or run changes."""
 
 import numpy as np
-from recorded_flight import fly
+from recorded_flight import fly, put
 
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.image import encode_png
 from dfvs_service.record.recorder import Recorder
 from dfvs_service.settings.record_sections import RecordSection
@@ -15,8 +14,8 @@ def recorded(folder, events, **limits):
     section = RecordSection(min_free_mb=0.0, **limits)
     recorder = Recorder(folder, "r", section, lambda: 0, print)
     greatest = 0
-    for message, payload in events:
-        (recorder.open if isinstance(message, SessionHeader) else recorder.add)(message, payload)
+    for event in events:
+        put(recorder, *event)
         greatest = max(greatest, sum(path.stat().st_size for path in folder.iterdir()))
     recorder.close()
     return recorder, greatest * 1e-6

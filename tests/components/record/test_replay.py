@@ -13,7 +13,6 @@ import onnx_network
 import pytest
 from recorded_flight import fly, write_recording
 
-from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_service.replay.cli import main
 from dfvs_service.replay.comparison import compare
@@ -176,16 +175,6 @@ def test_turns_that_are_missing_are_named_as_the_reason_to_differ(flight, tmp_pa
     path = write_recording(tmp_path, [*flight.events[:4], *flight.events[9:]])
     result = rerun(path)
     assert result.reasons == ("5 frame records before frame record 8 were not recorded",)
-
-
-def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):
-    flight = fly(np.random.default_rng(11), 8, PixelFormat.RGB8)
-    data = write_recording(tmp_path, flight.events).read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(data[: int(0.7 * len(data))])
-    comparison = compare(rerun(cut).frames)
-    assert comparison.is_identical
-    assert 2 <= len(comparison.frames) < len(flight.turns) - 1
 
 
 def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsys):

@@ -14,7 +14,7 @@ from dfvs_service.camera import cli
 from dfvs_service.camera.sources import capture
 from dfvs_service.camera.sources.capture import CaptureSource, buffer_time_ns
 from dfvs_service.camera.sources.images import ImageSource
-from dfvs_service.camera.sources.source import SourceOptions, check_size, open_source
+from dfvs_service.camera.sources.source import SourceOptions, open_source
 from dfvs_service.camera.sources.spec import (
     STAMPED_ON_ARRIVAL,
     CameraError,
@@ -23,7 +23,6 @@ from dfvs_service.camera.sources.spec import (
     SourceSpec,
     parse_source,
 )
-from dfvs_service.frames import CapturedImage
 
 S = 1_000_000_000
 LATE = ("--latency-ms", "80")
@@ -207,11 +206,3 @@ def test_the_latency_counts_wherever_the_time_of_capture_is_not_told(kind, monke
 def test_a_latency_of_a_source_that_tells_the_time_of_capture_is_refused(word, refused):
     line = refused(cli.main, "goal", "--source", word, *LATE, *FOV, "--out", "goal.png")
     assert "--latency-ms beside" in line
-
-
-def test_a_picture_of_another_size_is_refused_with_both_sizes():
-    shot = CapturedImage(np.zeros((48, 64, 3), np.uint8), 0)
-    check_size(shot.image, (64, 48), "the camera")
-    check_size(shot.image, None, "the camera")
-    with pytest.raises(CameraError, match=r"64 x 48 px; expected 640 x 480"):
-        check_size(shot.image, (640, 480), "the camera")

@@ -1,9 +1,8 @@
 """Writing of a goal's two files."""
 
-import resource
-
 import numpy as np
 import pytest
+from full_disk import no_file_above
 
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
@@ -18,11 +17,7 @@ def test_a_goal_that_the_disk_has_no_room_for_leaves_the_old_one_whole(tmp_path)
     path = tmp_path / "goal.png"
     write_goal(path, image, GoalSidecar(CAMERA))
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4_000, limits[1]))  # the sidecar fits
-    try:
-        with pytest.raises(ConfigError, match=r"goal\.png cannot be written"):
-            write_goal(path, image[::-1], GoalSidecar(CAMERA, pitch_rad=-0.2))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    refusal = pytest.raises(ConfigError, match=r"goal\.png cannot be written")
+    with no_file_above(4_000), refusal:  # the sidecar fits
+        write_goal(path, image[::-1], GoalSidecar(CAMERA, pitch_rad=-0.2))
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before

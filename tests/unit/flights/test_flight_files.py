@@ -1,27 +1,16 @@
 """Append-only logs, copies and bounded series: what is left of them, whatever happens."""
 
-import resource
-
 import pytest
+from full_disk import no_file_above
 
 from dfvs_service.flights.files import AppendFile, FileRing, LogCopy, SegmentedLog
 
 
-@pytest.fixture
-def no_file_may_exceed():
-    """Has the kernel refuse to let any file grow beyond a size: all that a full disk could do."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_record_that_finds_no_room_leaves_no_part_behind(tmp_path, no_file_may_exceed):
+def test_a_record_that_finds_no_room_leaves_no_part_behind(tmp_path):
     file = AppendFile(tmp_path / "log")
     file.append(b"first\n")
-    no_file_may_exceed(10)
-    with pytest.raises(OSError, match="File too large"):
+    with no_file_above(10), pytest.raises(OSError, match="File too large"):
         file.append(b"second\n")
-    no_file_may_exceed(1000)
     file.append(b"third\n")
     assert (tmp_path / "log").read_bytes() == b"first\nthird\n"
 
@@ -39,16 +28,14 @@ def test_a_copy_takes_whole_lines_alone(tmp_path):
     assert target.read_bytes() == b"one\ntwo\n"
 
 
-def test_a_copy_catches_up_once_the_disk_takes_it(tmp_path, no_file_may_exceed):
+def test_a_copy_catches_up_once_the_disk_takes_it(tmp_path):
     source, target = tmp_path / "source", tmp_path / "target"
     source.write_bytes(b"one\n")
     copy = LogCopy(source, target, 1000)
     copy.update()
     source.write_bytes(b"one\ntwo\nthree\n")
-    no_file_may_exceed(6)
-    with pytest.raises(OSError, match="File too large"):
+    with no_file_above(6), pytest.raises(OSError, match="File too large"):
         copy.update()
-    no_file_may_exceed(1000)
     copy.update()
     assert target.read_bytes() == source.read_bytes()
 

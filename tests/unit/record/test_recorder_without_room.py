@@ -1,11 +1,11 @@
 """A recorder on a disk that has no room."""
 
 import dataclasses
-import resource
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from full_disk import no_file_above
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal, GoalSidecar
@@ -58,12 +58,8 @@ def test_a_pause_is_told_once_and_the_next_one_again(desk, monkeypatch):
 
 
 def test_files_that_stay_empty_are_removed(desk, tmp_path):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
-    try:
+    with no_file_above(0):
         desk.wait(60)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert list(tmp_path.iterdir()) == []
     assert len(desk.warnings) == 1
     desk.wait(10)

@@ -1,18 +1,26 @@
-"""Files that are numbered beyond 999."""
+"""Numbered files in the order in which they were written."""
 
 import json
 from itertools import permutations
 from pathlib import Path
 
+import pytest
+
 from dfvs_service.replay.recording import in_order
 from dfvs_service.report.black_box import BlackBoxFlight
 
-NAMES = ("r-998", "r-999", "r-999-recovered", "r-1000", "r.2-000")
+FILES = [
+    Path("/media/stick/drone1-20260102T101112Z-000.mcap"),
+    Path("/media/stick/drone1-20260102T101112Z-000-recovered.mcap"),
+    Path("/home/me/drone1-20260102T101112Z-001.mcap"),
+    Path("/home/me/drone1-20260102T112233Z-000.mcap"),
+]
+MANY = [Path(f"r{end}.mcap") for end in ("-998", "-999", "-999-recovered", "-1000", ".2-000")]
 
 
-def test_a_recording_is_read_in_order_from_its_thousandth_file_on():
-    paths = [Path(f"{name}.mcap") for name in NAMES]
-    assert all(in_order(order) == paths for order in permutations(paths))
+@pytest.mark.parametrize("files", [FILES, MANY], ids=["in two folders", "a thousand"])
+def test_a_recording_is_read_in_the_order_of_its_names_whatever_folder_they_lie_in(files):
+    assert all(in_order(order) == files for order in permutations(files))
 
 
 def test_the_telemetry_of_a_black_box_is_read_in_order_from_its_thousandth_file_on(tmp_path):

@@ -4,7 +4,6 @@ import datetime
 import importlib.util
 import json
 import re
-import resource
 import shutil
 import tomllib
 from pathlib import Path
@@ -15,6 +14,7 @@ from cryptography.hazmat.primitives.serialization import (
     Encoding,
     PrivateFormat,
 )
+from full_disk import no_file_above
 
 from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
@@ -74,13 +74,8 @@ def test_a_vehicle_that_is_added_takes_nothing_from_those_before(tmp_path):
 
 def test_a_folder_is_there_once_it_is_whole_and_made_anew_after_an_interruption(tmp_path):
     authority = make_authority(Validity.days_from_now(1))
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (300, limits[1]))  # the key fits
-    try:
-        with pytest.raises(OSError, match="File too large"):
-            write_credentials(tmp_path / "role", authority, authority)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with no_file_above(300), pytest.raises(OSError, match="File too large"):  # the key fits
+        write_credentials(tmp_path / "role", authority, authority)
     assert not (tmp_path / "role").exists()
     write_credentials(tmp_path / "role", authority, authority)
     assert [path.name for path in tmp_path.iterdir()] == ["role"]

@@ -97,20 +97,21 @@ def test_a_goal_that_cannot_be_matched_is_an_error(picture, level, told):
         commanded_goal(GoalCommand(picture.read_bytes()), FLOWN)
 
 
-def test_a_goal_without_a_sidecar_counts_as_taken_by_the_camera_that_flies():
-    goal = commanded_goal(GoalCommand(png()), FLOWN)
-    assert goal.sidecar == FLOWN
+@pytest.mark.parametrize(
+    ("sent", "sidecar"),
+    [
+        ("", FLOWN),
+        (GoalSidecar(CAMERA, roll_rad=0.2).to_json(), GoalSidecar(CAMERA, roll_rad=0.2)),
+        (
+            '{"roll_rad": 0.2, "pitch_rad": -0.1}',
+            GoalSidecar(CAMERA, 0.2, -0.1, FLOWN.mount),
+        ),
+    ],
+)
+def test_what_a_goals_sidecar_lacks_is_that_of_the_camera_that_flies(sent, sidecar):
+    goal = commanded_goal(GoalCommand(png(), sent), FLOWN)
+    assert goal.sidecar == sidecar
     assert goal.image.shape == (48, 64, 3)
-
-
-def test_a_goals_own_sidecar_counts():
-    own = GoalSidecar(CAMERA, roll_rad=0.2)
-    assert commanded_goal(GoalCommand(png(), own.to_json()), FLOWN).sidecar == own
-
-
-def test_a_sidecar_without_a_camera_is_of_the_camera_that_flies():
-    goal = commanded_goal(GoalCommand(png(), '{"roll_rad": 0.2, "pitch_rad": -0.1}'), FLOWN)
-    assert goal.sidecar == GoalSidecar(CAMERA, 0.2, -0.1, FLOWN.mount)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
-import resource
-
 import pytest
+from full_disk import no_file_above
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.key_file import create_key, load_key
@@ -25,13 +24,8 @@ def test_a_key_is_never_overwritten(tmp_path):
 
 
 def test_a_key_that_the_disk_has_no_room_for_is_not_there_at_all(tmp_path):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, limits[1]))
-    try:
-        with pytest.raises(ConfigError, match="cannot create"):
-            create_key(tmp_path / "a")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with no_file_above(0), pytest.raises(ConfigError, match="cannot create"):
+        create_key(tmp_path / "a")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -78,11 +78,6 @@ def test_what_cannot_be_is_said_in_one_line(words, said, goal, tmp_path, monkeyp
     assert all(part in line for part in said)
 
 
-def test_an_unreadable_goal_picture(goal, refused):
-    goal.write_bytes(b"GIF89a")
-    assert "PNG or JPEG" in refused(cli.main, "--goal", goal)
-
-
 @pytest.mark.parametrize("text", ["no JSON", "{}"])
 @pytest.mark.parametrize("more", [(), ("--check",)], ids=["flight", "check"])
 def test_an_unreadable_sidecar(text, more, goal, refused):
@@ -90,12 +85,6 @@ def test_an_unreadable_sidecar(text, more, goal, refused):
     line = refused(cli.main, "--goal", goal, *more)
     assert "goal.json cannot be used" in line
     assert re.search(r"; expected \w", line)
-
-
-def test_a_goal_of_another_size_than_its_sidecar(goal, refused):
-    sidecar = GoalSidecar(CameraModel.from_horizontal_fov(640, 480, 1.2))
-    goal.with_suffix(".json").write_text(sidecar.to_json())
-    assert "640 x 480" in refused(cli.main, "--goal", goal)
 
 
 @pytest.mark.parametrize("follows", [False, True], ids=["first goal", "goal of a route"])
@@ -255,7 +244,3 @@ def test_the_marks_of_a_check_are_named_where_the_encoding_lacks_them(route, rng
     assert cli.main([*FOV, "--model", "classical", "--check", "--goal", str(route)]) == 1
     printed.flush()
     assert rb"\N{BALLOT X} camera" in printed.buffer.getvalue()
-
-
-def test_an_empty_folder_is_no_route(tmp_path, refused):
-    assert "is empty" in refused(cli.main, *FOV, "--goal", tmp_path)

@@ -6,7 +6,6 @@ from itertools import count
 import numpy as np
 import pytest
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import Goal, GoalSidecar
@@ -100,9 +99,3 @@ def test_settings_that_are_tried_in_a_replay_do_not_measure_anew():
     )
     tried = settings(working_width_px=400)
     assert Trial(tried).applied_to(recorded).flow.working_width_px == 400
-
-
-def test_a_size_at_which_nothing_can_be_matched_is_refused():
-    for width in (-1, 20, 1921):
-        with pytest.raises(ConfigError, match=f"working_width_px = {width}; expected 0, or 64 to"):
-            settings(working_width_px=width)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import require_replaceable
+from dfvs_common.command_line import command_parser, require_replaceable
 from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
@@ -115,11 +115,10 @@ def run(words: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-camera calibrate",
-        description="Find a camera's intrinsics from images of a board.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = command_parser(
+        "dfvs-camera calibrate",
+        "Find a camera's intrinsics from images of a board.",
+        _EPILOG,
     )
     _board_option(parser)
     add_source_options(parser)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.messages.frame import PixelFormat, decode_header
 from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
@@ -117,16 +117,13 @@ class Translation:
             header = decode_header(bytes.fromhex(sight.attachment))
         except WireError:
             return Message(channels.UNREADABLE, t_ns, number, payload)
-        channel, data = self._encoded(header, payload)
-        return Message(channel, t_ns, number, data)
-
-    def _encoded(self, header: FrameHeader, payload: bytes) -> tuple[Channel, bytes]:
-        t_ns = self._unix(header.t_capture_ns)
+        at_ns = self._unix(header.t_capture_ns)
         compressed = _COMPRESSED.get(header.pixel_format)
-        if compressed is not None:
-            image = foxglove.compressed_image(t_ns, "camera", payload, compressed)
-            return channels.COMPRESSED_IMAGE, image
-        return channels.RAW_IMAGE, foxglove.raw_image(t_ns, payload, header)
+        if compressed is None:
+            image = foxglove.raw_image(at_ns, payload, header)
+            return Message(channels.RAW_IMAGE, t_ns, number, image)
+        image = foxglove.compressed_image(at_ns, "camera", payload, compressed)
+        return Message(channels.COMPRESSED_IMAGE, t_ns, number, image)
 
     def _servo_channel(self, document: dict[str, Any]) -> Channel:
         """Channel of the servo documents, its schema made from the first of them."""
