@@ -19,6 +19,7 @@ from dfvs_sim.ground.pose import VehiclePose
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import CameraPoses, camera_pose
 
 START, GOAL = camera_pose((0.3, -1.2, -1.3), 0.85), camera_pose((0.5, -1.0, -1.3), 0.7)
@@ -93,7 +94,7 @@ def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
     flight: Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Refusing:
-        def hold(self) -> None:
+        def set_mode(self, _mode: Mode) -> None:
             raise PilotError("Hold was denied", "an accepted mode")
 
     said: list[str] = []
