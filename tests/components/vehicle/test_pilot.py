@@ -1,12 +1,10 @@
 """The pilot and the process around the vehicle."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from vehicle_process import free_port, linked_vehicle
 
-from dfvs_sim.cli import main
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.parameters import get_parameter
 from dfvs_sim.ground.pilot import Pilot
@@ -47,10 +45,3 @@ def test_an_unknown_parameter_is_an_error(tmp_path: Path) -> None:
         link.wait_for_vehicle(30.0)
         with pytest.raises(LinkError, match="NO_SUCH_THING"):
             get_parameter(link, "NO_SUCH_THING")
-
-
-@pytest.mark.parametrize("start", ["1,2,3", "a,b,c,d", "0,0,0,nan"])
-def test_a_start_that_is_no_four_numbers_is_refused(
-    start: str, refused: Callable[..., str]
-) -> None:
-    assert "--start" in refused(main, "vehicle", "--start", start)
