@@ -60,28 +60,17 @@ def flight(tmp_path: Path) -> Iterator[Flight]:
     flight._ports.close()  # as ``run`` does
 
 
-def test_the_camera_hovers_at_the_planned_start_but_for_its_tilt(flight: Flight) -> None:
+def test_the_camera_hovers_at_the_start_but_for_its_tilt_and_the_scene_stays_upright(
+    flight: Flight,
+) -> None:
     vehicle: Any = Vehicle(GROUND, HOVER)
     T_scene_camera = flight.take_off(vehicle, vehicle)(0)
     assert T_scene_camera is not None
-    distance_m, angle_rad = pose_error(T_scene_camera, START)
-    assert distance_m == pytest.approx(0.0, abs=1e-9)
-    assert angle_rad == pytest.approx(TILT_RAD, abs=1e-9)
-
-
-def test_the_scene_stays_upright(flight: Flight) -> None:
-    vehicle: Any = Vehicle(GROUND, HOVER)
-    T_scene_camera = flight.take_off(vehicle, vehicle)(0)
-    assert T_scene_camera is not None
+    assert pose_error(T_scene_camera, START) == pytest.approx((0.0, TILT_RAD), abs=1e-9)
     T_scene_body = T_scene_camera @ invert_pose(Mount().T_body_camera())
     T_scene_local = T_scene_body @ invert_pose(HOVER.T_local_body())
     np.testing.assert_allclose(T_scene_local[2, :3], [0.0, 0.0, 1.0], atol=1e-9)
-
-
-def test_the_vehicle_climbs_by_the_start_s_height_above_the_floor(flight: Flight) -> None:
-    vehicle: Any = Vehicle(GROUND, HOVER)
-    flight.take_off(vehicle, vehicle)
-    assert vehicle.climbed_m == pytest.approx(1.3, abs=0.02)
+    assert vehicle.climbed_m == pytest.approx(1.3, abs=0.02)  # above the scene's floor
 
 
 def test_a_hover_that_is_not_known_is_an_error(flight: Flight) -> None:
