@@ -1,5 +1,6 @@
-"""Where a flight begins, wherever the vehicle truly hovers, and that its end loses nothing."""
+"""One flight: where it begins, what of it is judged, and that its end loses nothing."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight.flight import Flight, FlightError
+from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightLog, running
+from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pilot import PilotError
@@ -91,3 +93,31 @@ def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
     pilot: Any = Refusing()
     flight._hold(pilot)
     assert said == ["the vehicle is not in Hold: Hold was denied; expected an accepted mode"]
+
+
+def test_it_is_judged_up_to_a_second_after_its_end_from_when_on_the_pilot_flies() -> None:
+    unused: Any = None
+    second_ns = 10**9
+    track = Track(unused, np.eye(4))
+    track.points = [TrackPoint(k * second_ns // 10, np.eye(4), 0.01 * k, 0.0) for k in range(100)]
+    span_ns = 2 * second_ns, 5 * second_ns
+    log = FlightLog(unused, unused, track, unused, *span_ns, "DONE", "goal reached", None)
+    judged_ns = [point.t_ns for point in log.judged]
+    assert (judged_ns[0], judged_ns[-1]) == (2 * second_ns, 6 * second_ns)
+
+
+def test_a_thread_that_is_interrupted_at_its_start_is_told_to_stop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stops: list[threading.Event] = []
+    began = threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        began(thread)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(KeyboardInterrupt), running(stops.append, "camera"):
+        pytest.fail("it was interrupted before")
+    (stop,) = stops
+    assert stop.is_set()
