@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(metavar="COMMAND")
     for command in (vehicle, camera, pilot, goal):
         command.add_parser(subparsers)
-    world.add_options(parser)
+    parser.set_defaults(run=world.run)
     return run_subcommand(parser, words)
 
 

@@ -20,6 +20,7 @@ from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import camera_pose
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05
@@ -172,11 +173,11 @@ class Mission(Flight):
 
     def _start_again(self, session: FlightSession) -> None:
         """Take the vehicle back after a leg that failed, and engage once more."""
-        session.pilot.hold()
+        session.pilot.set_mode(Mode.HOLD)
         time.sleep(_ENDED_S)
         self._command("engage")
         self.await_ready(session.watch, session.service)
-        session.pilot.engage_offboard()
+        session.pilot.set_mode(Mode.OFFBOARD)
         self._await_under_way(session)
 
     def _await_under_way(self, session: FlightSession) -> None:

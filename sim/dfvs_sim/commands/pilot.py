@@ -10,6 +10,7 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M, Pilot
 from dfvs_sim.ground.sharing import DEFAULT_PORT
+from dfvs_sim.vehicle.modes import Mode
 
 _WORDS = {
     "arm": "arm; the vehicle disarms itself after 10 s without a take-off",
@@ -84,8 +85,8 @@ def parse(words: Sequence[str]) -> Callable[[Pilot], None]:
     name, *rest = words
     actions: dict[str, Callable[[Pilot], None]] = {
         "arm": _arm,
-        "offboard": lambda pilot: pilot.engage_offboard(),
-        "hold": lambda pilot: pilot.hold(),
+        "offboard": lambda pilot: pilot.set_mode(Mode.OFFBOARD),
+        "hold": lambda pilot: pilot.set_mode(Mode.HOLD),
         "land": lambda pilot: pilot.land(),
         "status": lambda _: None,
     }

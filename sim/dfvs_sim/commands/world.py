@@ -13,11 +13,6 @@ from dfvs_sim.ground.sharing import DEFAULT_PORT
 _POLL_S = 0.2
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Make this what ``dfvs-sim`` does when no command is named."""
-    parser.set_defaults(run=run)
-
-
 def run(_args: argparse.Namespace) -> int:
     """Run the vehicle and the camera with their defaults until told to stop or one ends.
 

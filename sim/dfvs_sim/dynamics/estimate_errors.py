@@ -142,12 +142,13 @@ class ErrorProcess:
         self._north = SecondOrder(e.velocity_m_s, e.velocity_time_s, normal)
         self._east = SecondOrder(e.velocity_m_s, e.velocity_time_s, normal)
         self._down = FirstOrder(e.climb_m_s, e.climb_time_s, normal)
-        self._roll = SecondOrder(math.radians(e.tilt_deg), e.tilt_time_s, normal)
-        self._pitch = SecondOrder(math.radians(e.tilt_deg), e.tilt_time_s, normal)
-        self._yaw = SecondOrder(math.radians(e.heading_deg), e.heading_time_s, normal)
-        self._tilt_bias = [math.radians(e.tilt_bias_deg) * normal() for _ in range(2)]
-        heading = e.heading_bias_mean_deg + e.heading_bias_deg * normal()
-        self._yaw_bias = math.radians(heading)
+        tilt, heading = (e.tilt_deg, e.tilt_time_s), (e.heading_deg, e.heading_time_s)
+        self._attitude = [
+            SecondOrder(math.radians(deg), time_s, normal) for deg, time_s in (tilt, tilt, heading)
+        ]
+        self._bias = [math.radians(e.tilt_bias_deg) * normal() for _ in range(2)]
+        heading_deg = e.heading_bias_mean_deg + e.heading_bias_deg * normal()
+        self._bias.append(math.radians(heading_deg))
         self._offset = [size * normal() for size in (e.offset_m, e.offset_m, e.height_offset_m)]
         self._wander = [SecondOrder(e.position_m, e.velocity_time_s, normal) for _ in range(2)]
         velocity = self._north.value, self._east.value, self._down.value
@@ -171,6 +172,5 @@ class ErrorProcess:
         self.velocity_m_s[1] = velocity[1] + self._jitter_m_s * self._normal()
         self.velocity_m_s[2] = velocity[2]
         self.acceleration_m_s2[0], self.acceleration_m_s2[1] = north.rate, east.rate
-        self.attitude_rad[0] = self._tilt_bias[0] + self._roll.step(dt_s)
-        self.attitude_rad[1] = self._tilt_bias[1] + self._pitch.step(dt_s)
-        self.attitude_rad[2] = self._yaw_bias + self._yaw.step(dt_s)
+        for i, angle in enumerate(self._attitude):
+            self.attitude_rad[i] = self._bias[i] + angle.step(dt_s)

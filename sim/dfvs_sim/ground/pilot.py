@@ -203,14 +203,6 @@ class Pilot:
         self._command(what, mavlink.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
         self._confirm(what, lambda m: _mode(m) is mode)
 
-    def engage_offboard(self) -> None:
-        """Hand the vehicle to the companion computer, which must be sending setpoints."""
-        self.set_mode(Mode.OFFBOARD)
-
-    def hold(self) -> None:
-        """Switch to Hold."""
-        self.set_mode(Mode.HOLD)
-
     def land(self) -> None:
         """Land and wait until the vehicle has disarmed itself.
 

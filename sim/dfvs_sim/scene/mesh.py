@@ -66,17 +66,13 @@ class Scene:
                 )
         if m == 0:
             raise SceneError("the scene has no triangles", "at least one")
-        self._check_values()
-
-    def _check_values(self) -> None:
-        """Check finiteness and that no index points outside its array."""
-        for name, values in (
-            ("vertices", self.vertices),
-            ("uv", self.uv),
-            ("colours", self.colours),
-        ):
-            if not np.isfinite(values).all():
+        for name, (array, _, _) in shapes.items():
+            if not np.isfinite(array).all():
                 raise SceneError(f"scene {name} hold values that are not finite")
+        self._check_indices()
+
+    def _check_indices(self) -> None:
+        """Check that no index points outside its array."""
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise SceneError(
                 f"vertex indices run from {self.triangles.min()} to {self.triangles.max()}",

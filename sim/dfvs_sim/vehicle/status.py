@@ -1,30 +1,12 @@
 """The autopilot's state that its parts share: mode, arming, landing, battery, home."""
 
-import enum
 from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle.modes import Mode
 
 NS_PER_S = 1_000_000_000
-
-
-class Landed(enum.IntEnum):
-    """MAV_LANDED_STATE."""
-
-    ON_GROUND = 1
-    IN_AIR = 2
-    TAKEOFF = 3
-    LANDING = 4
-
-
-class SystemStatus(enum.IntEnum):
-    """MAV_STATE, the ones that PX4 shows."""
-
-    UNINIT = 0
-    STANDBY = 3
-    ACTIVE = 4
-    CRITICAL = 5
-    FLIGHT_TERMINATION = 8
 
 
 @dataclass(slots=True)
@@ -62,20 +44,23 @@ class Status:
     """When the pilot's last MANUAL_CONTROL came."""
     texts: list[str] = field(default_factory=list)
 
-    def landed_state(self) -> Landed:
-        """EXTENDED_SYS_STATE.landed_state."""
+    def landed_state(self) -> int:
+        """MAV_LANDED_STATE in EXTENDED_SYS_STATE."""
         if self.landed:
-            return Landed.ON_GROUND
-        if self.mode is Mode.TAKEOFF:
-            return Landed.TAKEOFF
-        return Landed.LANDING if self.mode is Mode.LAND else Landed.IN_AIR
+            return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
+        in_air = mavlink.MAV_LANDED_STATE_IN_AIR
+        states = {
+            Mode.TAKEOFF: mavlink.MAV_LANDED_STATE_TAKEOFF,
+            Mode.LAND: mavlink.MAV_LANDED_STATE_LANDING,
+        }
+        return int(states.get(self.mode, in_air))
 
-    def system_status(self) -> SystemStatus:
-        """HEARTBEAT.system_status."""
+    def system_status(self) -> int:
+        """MAV_STATE in HEARTBEAT.system_status."""
         if self.mode is Mode.TERMINATION:
-            return SystemStatus.FLIGHT_TERMINATION
+            return int(mavlink.MAV_STATE_FLIGHT_TERMINATION)
         if self.failsafe:
-            return SystemStatus.CRITICAL
+            return int(mavlink.MAV_STATE_CRITICAL)
         if self.armed:
-            return SystemStatus.ACTIVE
-        return SystemStatus.STANDBY if self.can_arm else SystemStatus.UNINIT
+            return int(mavlink.MAV_STATE_ACTIVE)
+        return int(mavlink.MAV_STATE_STANDBY if self.can_arm else mavlink.MAV_STATE_UNINIT)

@@ -7,6 +7,7 @@ import pytest
 from vehicle_process import Hovering, companion_connected, linked_vehicle
 
 from dfvs_sim.ground.pilot import Pilot
+from dfvs_sim.vehicle.modes import Mode
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +28,6 @@ def hovering(airborne: Hovering) -> Hovering:
     """The airborne vehicle, at rest in Hold."""
     last = airborne.vehicle.events("pose")[-1]
     if last["mode"] != "HOLD" or math.hypot(*last["velocity"]) > 0.01:
-        airborne.pilot.hold()
+        airborne.pilot.set_mode(Mode.HOLD)
         airborne.pilot.wait_until_hovering()
     return airborne

@@ -1,12 +1,10 @@
 """Two simulated vehicles that send to the same ground station."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from vehicle_process import free_port, vehicle_running
 
-from dfvs_sim.cli import main
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.systems import LinkError, listen_for_systems
@@ -38,12 +36,3 @@ def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
         assert listen_for_systems(companion, 5.0) == {1, 2}
     assert any(event["armed"] for event in second.events("state"))
     assert not any(event["armed"] for event in first.events("state"))
-
-
-def test_nobody_is_heard_on_a_silent_port() -> None:
-    endpoint = Endpoint(listens=True, host="127.0.0.1", port=free_port())
-    assert listen_for_systems(endpoint, 0.1) == set()
-
-
-def test_a_system_id_that_is_none_is_refused(refused: Callable[..., str]) -> None:
-    assert "--system-id is 300" in refused(main, "vehicle", "--system-id", "300")

@@ -20,6 +20,7 @@ from waiting import until
 from dfvs_sim.demo.flight.flight import running
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.vehicle.modes import Mode
 
 pytestmark = pytest.mark.real_time
 
@@ -95,7 +96,7 @@ def test_the_offboard_plugin_starts_flies_and_stops(hovering: Hovering) -> None:
 def test_offboard_is_refused_to_the_pilot_while_nobody_sends_setpoints(hovering: Hovering) -> None:
     time.sleep(0.6)  # longer than COM_OF_LOSS_T since any setpoint
     with pytest.raises(PilotError, match=r"OFFBOARD was temporarily rejected.*no offboard signal"):
-        hovering.pilot.engage_offboard()
+        hovering.pilot.set_mode(Mode.OFFBOARD)
 
 
 def test_every_setpoint_sent_is_in_the_record_once_and_in_order(hovering: Hovering) -> None:
@@ -145,7 +146,7 @@ def test_the_tracked_pose_is_the_true_pose_while_moving(hovering: Hovering) -> N
     tracked = []
     with streaming(direct):
         time.sleep(0.3)
-        hovering.pilot.engage_offboard()
+        hovering.pilot.set_mode(Mode.OFFBOARD)
     with streaming(direct, vx=0.5, yaw_rate=0.35):
         for _ in range(60):
             time.sleep(0.02)

@@ -2,9 +2,6 @@
 
 import argparse
 
-import pytest
-
-from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import Conditions, add_condition_options, conditions_from
 
 
@@ -17,11 +14,3 @@ def args(*words):
 def test_a_real_estimate_is_the_default():
     assert conditions_from(args()) == Conditions("medium", "calm")
     assert conditions_from(args("--estimate", "low", "--wind=-1,2")) == Conditions("low", "-1,2")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"), [(("exact", "calm"), "--estimate"), (("low", "gale"), "--wind")]
-)
-def test_what_the_vehicle_would_refuse_is_refused_at_once(words, message):
-    with pytest.raises(ConfigError, match=message):
-        Conditions(*words)

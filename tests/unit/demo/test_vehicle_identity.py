@@ -42,17 +42,13 @@ def test_the_simulated_vehicle_has_the_id_that_it_is_given() -> None:
     assert flown_system_id(FlightOptions(system_id=4), 0.1) == 4
 
 
-def test_the_vehicle_on_the_companion_link_is_flown() -> None:
+def test_the_vehicle_on_the_companion_link_is_flown_unless_another_is_asked_for() -> None:
     port = free_port()
     with autopilots(port, 5):
         assert flown_system_id(options(port), 5.0) == 5
         assert flown_system_id(options(port, system_id=5), 5.0) == 5
-
-
-def test_another_vehicle_than_the_one_asked_for_is_refused() -> None:
-    port = free_port()
-    with autopilots(port, 5), pytest.raises(LinkError, match=r"system 5 is on .*expected system 2"):
-        flown_system_id(options(port, system_id=2), 5.0)
+        with pytest.raises(LinkError, match=r"system 5 is on .*expected system 2"):
+            flown_system_id(options(port, system_id=2), 5.0)
 
 
 def test_two_vehicles_on_the_companion_link_are_refused_unless_one_is_named() -> None:
@@ -62,11 +58,6 @@ def test_two_vehicles_on_the_companion_link_are_refused_unless_one_is_named() ->
             flown_system_id(options(port), 5.0)
         with pytest.raises(LinkError, match=r"systems 5 and 6 are on .*expected system 2"):
             flown_system_id(options(port, system_id=2), 5.0)
-
-
-def test_of_two_vehicles_on_the_companion_link_the_named_one_is_flown() -> None:
-    port = free_port()
-    with autopilots(port, 5, 6):
         assert flown_system_id(options(port, system_id=6), 5.0) == 6
 
 

@@ -22,13 +22,10 @@ def test_other_urls_are_refused_with_the_right_form(url: str) -> None:
 
 
 def test_a_taken_port_is_an_error_that_names_it() -> None:
-    first = Endpoint(listens=True, host="127.0.0.1", port=0).open()
-    port = first.getsockname()[1]
-    try:
-        with pytest.raises(ConfigError, match=str(port)):
+    with Endpoint(listens=True, host="127.0.0.1", port=0).open() as first:
+        port = first.getsockname()[1]
+        with pytest.raises(ConfigError, match=f"127.0.0.1:{port}"):
             Endpoint(listens=True, host="127.0.0.1", port=port).open()
-    finally:
-        first.close()
 
 
 @pytest.mark.parametrize("error", [socket.gaierror(-2, "unknown"), UnicodeError()])

@@ -1,7 +1,5 @@
 import numpy as np
-import pytest
 from tiny_scenes import CAMERA, NORTHWARD, scene_of, wall
-from view_warping import warp_to_a
 
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer
@@ -31,10 +29,6 @@ class TestFlow:
         )
         np.testing.assert_allclose(near, far, atol=1e-4)
 
-    def test_to_the_same_view_is_nought(self):
-        (depth,) = depths(TWO_WALLS, NORTHWARD)
-        np.testing.assert_allclose(exact_flow(CAMERA, NORTHWARD, depth, NORTHWARD), 0, atol=1e-5)
-
     def test_is_not_a_number_for_sky_and_for_points_behind_the_second_camera(self):
         depth = np.full((60, 80), 2.0, np.float32)
         depth[:10] = 0.0
@@ -42,14 +36,10 @@ class TestFlow:
         assert np.isnan(flow).all()
         flow = exact_flow(CAMERA, NORTHWARD, depth, NORTHWARD)
         assert np.isnan(flow[:10]).all()
-        assert np.isfinite(flow[10:]).all()
+        np.testing.assert_allclose(flow[10:], 0, atol=1e-5)
 
 
 class TestVisibility:
-    def test_is_full_between_equal_views(self):
-        (depth,) = depths(TWO_WALLS, NORTHWARD)
-        assert visibility(CAMERA, (NORTHWARD, NORTHWARD), (depth, depth)).all()
-
     def test_leaves_out_what_something_nearer_hides(self):
         beside = camera_pose((0.0, 0.6, 0.0), 0.0)
         first, second = depths(TWO_WALLS, NORTHWARD, beside)
@@ -86,20 +76,7 @@ class TestVisibility:
         assert inside.sum() > 1000
         assert seen[inside].all()
 
-    def test_leaves_out_the_sky(self):
+    def test_between_equal_views_leaves_out_the_sky_alone(self):
         (depth,) = depths(wall(2.0, 0.4, 0.4), NORTHWARD)
         seen = visibility(CAMERA, (NORTHWARD, NORTHWARD), (depth, depth))
         np.testing.assert_array_equal(seen, depth > 0)
-
-
-def test_warping_by_the_flow_brings_the_second_picture_to_the_first():
-    ramp = np.linspace(0, 255, 80).astype(np.uint8)
-    second = np.repeat(np.broadcast_to(ramp, (60, 80))[..., None], 3, axis=2)
-    flow = np.zeros((60, 80, 2), np.float32)
-    flow[..., 0] = 4.0
-    warped = warp_to_a(second, flow)
-    assert np.abs(warped[:, :76].astype(int) - second[:, 4:]).max() <= 1
-    flow[:] = np.nan
-    assert (warp_to_a(second, flow) == 0).all()
-    assert warped.dtype == np.uint8
-    assert pytest.approx(warped[0, 0, 0], abs=1) == ramp[4]

@@ -17,6 +17,13 @@ def loaded(file, tmp_path):
     return load_glb(file.write(tmp_path / "scene.glb"))
 
 
+def triangle_file(change=lambda file: None, **fields):
+    file = GlbFile()
+    file.triangle(**fields)
+    change(file)
+    return file
+
+
 def points_of(scene):
     """Corners (M, 3, 3) of the triangles, in the file's axes."""
     return gltf_from_ned(scene.vertices[scene.triangles])
@@ -24,9 +31,7 @@ def points_of(scene):
 
 class TestAFileByHand:
     def test_takes_x_to_east_y_to_up_and_minus_z_to_north(self, tmp_path):
-        file = GlbFile()
-        file.triangle(points=((1, 0, 0), (0, 2, 0), (0, 0, 3)))
-        scene = loaded(file, tmp_path)
+        scene = loaded(triangle_file(points=((1, 0, 0), (0, 2, 0), (0, 0, 3))), tmp_path)
         np.testing.assert_allclose(scene.vertices, [(0, 1, 0), (0, 0, -2), (-3, 0, 0)])
 
     def test_multiplies_colours_of_any_type_with_the_material_factor(self, tmp_path):
@@ -44,15 +49,12 @@ class TestAFileByHand:
             np.testing.assert_allclose(loaded(file, tmp_path).colours, expected, rtol=1e-6)
 
     def test_is_white_without_material_and_colours(self, tmp_path):
-        file = GlbFile()
-        file.triangle()
-        scene = loaded(file, tmp_path)
+        scene = loaded(triangle_file(), tmp_path)
         assert (scene.colours == 1.0).all()
         assert (scene.texture_index == NO_TEXTURE).all()
 
     def test_places_meshes_by_the_chain_of_their_nodes(self, tmp_path):
-        file = GlbFile()
-        file.triangle(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        file = triangle_file(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
         shift = np.eye(4)
         shift[:3, 3] = (10, 0, 0)
         half = np.sqrt(0.5)
@@ -69,16 +71,14 @@ class TestAFileByHand:
         np.testing.assert_allclose(points_of(loaded(file, tmp_path))[0], expected, atol=1e-6)
 
     def test_draws_each_node_once_where_the_file_names_no_scene(self, tmp_path):
-        file = GlbFile()
-        file.triangle(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        file = triangle_file(points=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
         file.json["nodes"] = [{"mesh": 0}, {"children": [0], "translation": [10, 0, 0]}]
         del file.json["scenes"], file.json["scene"]
         expected = [[(11, 0, 0), (10, 1, 0), (10, 0, 1)]]
         np.testing.assert_allclose(points_of(loaded(file, tmp_path)), expected, atol=1e-6)
 
     def test_draws_a_mesh_once_for_every_node_that_has_it(self, tmp_path):
-        file = GlbFile()
-        file.triangle()
+        file = triangle_file()
         file.json["nodes"] = [{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0]}]
         file.json["scenes"] = [{"nodes": [0, 1]}]
         assert len(loaded(file, tmp_path).triangles) == 2
@@ -96,14 +96,12 @@ class TestAFileByHand:
         ("mode", "expected"), [(5, [[0, 1, 2], [1, 2, 3]]), (6, [[0, 1, 2], [0, 2, 3]])]
     )
     def test_unfolds_strips_and_fans(self, tmp_path, mode, expected):
-        file = GlbFile()
-        file.triangle(points=((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), mode=mode)
+        file = triangle_file(points=((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), mode=mode)
         triangles = loaded(file, tmp_path).triangles
         assert [sorted(t) for t in triangles.tolist()] == expected
 
     def test_leaves_out_lines_and_points(self, tmp_path):
-        file = GlbFile()
-        file.triangle(mode=1)
+        file = triangle_file(mode=1)
         file.triangle()
         assert len(loaded(file, tmp_path).triangles) == 1
 
@@ -132,13 +130,6 @@ class TestAFileByHand:
         (texture,) = loaded(file, tmp_path).textures
         np.testing.assert_array_equal(texture.image, pixels)
         assert (texture.wrap_u, texture.wrap_v) == (Wrap.CLAMP, Wrap.MIRROR)
-
-
-def triangle_file(change=lambda file: None, **fields):
-    file = GlbFile()
-    file.triangle(**fields)
-    change(file)
-    return file
 
 
 LOOP = [{"children": [1]}, {"children": [0]}]
@@ -274,32 +265,24 @@ def test_a_texture_of_too_many_bytes_comes_with_the_remedy(tmp_path):
     "node", [{"translation": [5e5, 0, 4e6]}, {"scale": [3e3, 3e3, 3e3]}], ids=["UTM", "mm"]
 )
 def test_a_scene_that_reaches_far_from_its_origin_is_warned_about(tmp_path, capsys, node):
-    file = GlbFile()
-    file.triangle()
+    file = triangle_file()
     file.json["nodes"][0] |= node
     loaded(file, tmp_path)
     assert "move it to the origin, in metres" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    "glass",
+    ("material", "is_named"),
     [
-        {"alphaMode": "BLEND"},
-        {"alphaMode": "MASK"},
-        {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}},
+        ({"alphaMode": "OPAQUE"}, False),
+        ({"alphaMode": "BLEND"}, True),
+        ({"alphaMode": "MASK"}, True),
+        ({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}}, True),
     ],
 )
-def test_transparency_that_is_drawn_opaque_is_named(tmp_path, capsys, glass):
-    file = GlbFile()
-    file.json["materials"].append(glass)
-    file.triangle(material=0)
+def test_transparency_that_is_drawn_opaque_is_named(tmp_path, capsys, material, is_named):
+    file = triangle_file(material=0)
+    file.json["materials"].append(material)
     loaded(file, tmp_path)
-    assert "transparency" in capsys.readouterr().err
-
-
-def test_an_opaque_material_is_no_reason_to_warn(tmp_path, capsys):
-    file = GlbFile()
-    file.json["materials"].append({"alphaMode": "OPAQUE"})
-    file.triangle(material=0)
-    loaded(file, tmp_path)
-    assert capsys.readouterr().err == ""
+    warned = capsys.readouterr().err
+    assert ("transparency" in warned) == bool(warned) == is_named

@@ -32,6 +32,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--system-id", "251"), "--system-id is 251"),
         (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
         (("--estimate", "exact"), "--estimate is 'exact'"),
+        (("--wind", "gale"), "--wind is 'gale'"),
         (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
         (("--wind", "calm", "--autopilot", "udpin://127.0.0.1:1"), "--wind beside --autopilot"),
         (("--service", "--engage never"), "engage never"),

@@ -25,11 +25,8 @@ class ScriptedPilot:
     def take_off(self, height_m: float) -> None:
         self.asked.append(height_m)
 
-    def engage_offboard(self) -> None:
-        self.asked.append("offboard")
-
-    def hold(self) -> None:
-        self.asked.append("hold")
+    def set_mode(self, mode: Mode) -> None:
+        self.asked.append(mode)
 
     def land(self) -> None:
         raise PilotError("landing was denied")
@@ -59,7 +56,7 @@ def test_every_line_is_done_in_its_order_and_its_outcome_printed(
     pilot = ScriptedPilot()
     lines = ["takeoff 1.25\n", "\n", "hold\n", "quit\n", "arm\n"]
     execute_lines(cast(Pilot, pilot), lines, is_prompted=False)
-    assert pilot.asked == ["prepare", 1.25, "hold"]
+    assert pilot.asked == ["prepare", 1.25, Mode.HOLD]
     assert capsys.readouterr().out.splitlines() == [
         "takeoff: HOLD, armed, on the ground",
         "hold: HOLD, armed, on the ground",
@@ -69,7 +66,7 @@ def test_every_line_is_done_in_its_order_and_its_outcome_printed(
 def test_a_prompt_goes_on_after_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     pilot = ScriptedPilot()
     execute_lines(cast(Pilot, pilot), ["land\n", "jump\n", "hold\n"], is_prompted=True)
-    assert pilot.asked == ["hold"]
+    assert pilot.asked == [Mode.HOLD]
     printed = capsys.readouterr().out
     assert "error: landing was denied" in printed
     assert "error: 'jump' is no word of the pilot" in printed

@@ -209,15 +209,6 @@ def test_a_heading_that_is_held_shifts_along_with_a_reset(
     assert math.degrees(wrap_angle(vehicle.body.yaw_rad - yaw_rad)) == pytest.approx(0.0, abs=0.05)
 
 
-def test_a_reset_is_told_by_odometry() -> None:
-    vehicle = VehicleInHand()
-    vehicle.run(1.0)
-    vehicle.px4.flight.estimator.reset_position(1.0, 0.0, 0.0)
-    vehicle.run(1.0)
-    counters = [m.reset_counter for m in vehicle.received("ODOMETRY")]
-    assert (counters[0], counters[-1]) == (0, 1)
-
-
 @pytest.mark.parametrize(
     "wrong", [{"velocity_m_s": -0.1}, {"tilt_time_s": 0.0}, {"heading_deg": math.nan}]
 )

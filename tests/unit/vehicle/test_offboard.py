@@ -32,8 +32,9 @@ def test_the_second_ack_follows_within_8_ms() -> None:
 
 
 def test_offboard_with_setpoints_is_entered_and_followed() -> None:
-    vehicle = in_offboard(setpoint(vx=0.5), 4.0, yaw_rad=math.pi / 2)
+    vehicle = in_offboard(setpoint(vx=0.5, yaw=0.5), 4.0, yaw_rad=math.pi / 2)
     assert vehicle.mode is Mode.OFFBOARD
+    assert vehicle.body.yaw_rad == pytest.approx(math.pi / 2, abs=0.02)  # its yaw is ignored
     assert vehicle.body.v_east_m_s == pytest.approx(0.42, abs=0.04)
     assert abs(vehicle.body.v_north_m_s) < 0.02
 
@@ -168,13 +169,16 @@ def test_nan_on_an_axis_stops_the_vehicle_and_keeps_offboard(vx: float, vz: floa
 @pytest.mark.parametrize(
     ("message", "keeps"),
     [
-        (setpoint(mask=0x5C7 | 8), False),
+        *((setpoint(mask=0x5C7 | axis), False) for axis in (8, 16, 32)),
         (setpoint(math.nan, math.nan, math.nan), False),
         (setpoint(frame=1, mask=0xFFF), False),
         (setpoint(mask=0xFF8), False),
         (setpoint(frame=1, mask=0xFF8), True),
     ],
-    ids=["one axis ignored", "all axes NaN", "all ignored", "body position", "local position"],
+    ids=[
+        *("x ignored", "y ignored", "z ignored", "all axes NaN", "all ignored"),
+        *("body position", "local position"),
+    ],
 )
 def test_a_message_without_valid_axis_does_not_keep_offboard(message: Any, keeps: bool) -> None:
     vehicle = in_offboard(setpoint(), 1.0)
@@ -199,8 +203,10 @@ def test_without_yaw_and_yaw_rate_the_heading_is_held() -> None:
 
 
 def test_ned_velocity_with_yaw_turns_to_that_heading() -> None:
-    vehicle = in_offboard(setpoint(frame=1, mask=0x9C7, yaw=0.0), 6.0, yaw_rad=1.0)
-    assert vehicle.body.yaw_rad == pytest.approx(0.0, abs=0.02)
+    vehicle = in_offboard(setpoint(vy=0.5, frame=1, mask=0x9C7, yaw=1.0), 6.0)
+    assert vehicle.body.yaw_rad == pytest.approx(1.0, abs=0.02)
+    assert vehicle.body.v_east_m_s == pytest.approx(0.42, abs=0.04)
+    assert abs(vehicle.body.v_north_m_s) < 0.1
 
 
 def test_yaw_rate_is_limited_to_200_degrees_a_second() -> None:

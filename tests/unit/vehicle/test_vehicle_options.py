@@ -40,6 +40,8 @@ def test_wind_takes_a_velocity_as_well() -> None:
         (("--wind", "1"), "two numbers"),
         (("--velocity-noise", "0.02"), "--estimate"),
         (("--position-drift", "0.02"), "--estimate"),
+        (("--system-id", "300"), "1 to 250"),
+        *((("--start", start), "4 numbers") for start in ("1,2,3", "a,b,c,d", "0,0,0,nan")),
     ],
 )
 def test_what_cannot_be_read_is_refused_with_what_can(words: tuple[str, ...], told: str) -> None:

@@ -26,6 +26,7 @@ from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.ground.systems import LinkError
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
@@ -234,7 +235,7 @@ class Flight:
     def _hold(self, pilot: Pilot) -> None:
         """Select Hold; where the vehicle refuses, what was flown counts all the same."""
         try:
-            pilot.hold()
+            pilot.set_mode(Mode.HOLD)
         except DfvsError as error:
             self._log(f"the vehicle is not in Hold: {error}")
 
@@ -286,7 +287,7 @@ class Flight:
             self.await_ready(session.watch, session.service)  # it may have been lost meanwhile
             self._log("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
-            session.pilot.engage_offboard()
+            session.pilot.set_mode(Mode.OFFBOARD)
             return engaged_ns
         self._log(self._waiting_to_engage())
         if session.watch.wait_for_state(UNDER_WAY | ENDED, self._options.timeout_s) is None:

@@ -5,7 +5,7 @@ import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -53,17 +53,17 @@ class FlightSummary:
     seed: int
     end_state: str
     end_cause: str
-    initial_translation_m: float
-    initial_rotation_deg: float
-    final_translation_m: float
-    final_rotation_deg: float
-    duration_s: float
-    path_ratio: float
-    frames: int
-    latency_ms: dict[str, float]
-    stages_ms: dict[str, dict[str, float]]
-    max_setpoint_gap_ms: float | None
-    states: list[str]
+    initial_translation_m: float = math.nan
+    initial_rotation_deg: float = math.nan
+    final_translation_m: float = math.nan
+    final_rotation_deg: float = math.nan
+    duration_s: float = math.nan
+    path_ratio: float = math.nan
+    frames: int = 0
+    latency_ms: dict[str, float] = field(default_factory=dict)
+    stages_ms: dict[str, dict[str, float]] = field(default_factory=dict)
+    max_setpoint_gap_ms: float | None = None
+    states: list[str] = field(default_factory=list)
     vehicle: str = ""
     estimate: str | None = None
     wind: str | None = None
@@ -122,17 +122,6 @@ def write_not_flown(seed: int, options: FlightOptions, cause: str, folder: Path)
         seed=seed,
         end_state=NOT_READY,
         end_cause=cause,
-        initial_translation_m=math.nan,
-        initial_rotation_deg=math.nan,
-        final_translation_m=math.nan,
-        final_rotation_deg=math.nan,
-        duration_s=math.nan,
-        path_ratio=math.nan,
-        frames=0,
-        latency_ms={},
-        stages_ms={},
-        max_setpoint_gap_ms=None,
-        states=[],
         vehicle=options.vehicle,
         estimate=options.estimate,
         wind=options.wind,

@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.dynamics.rigid_body import Quadrotor
+from dfvs_sim.dynamics.rigid_body import Quadrotor, Vector
 from dfvs_sim.geodesy import metres_per_degree
 
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
@@ -26,19 +26,21 @@ def attitude_quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, .
     )
 
 
-def projected(north_m: float, east_m: float) -> tuple[int, int]:
-    """Latitude and longitude in 1e-7 degree by the autopilot's map projection, on a sphere."""
+def global_position(position_m: Vector) -> tuple[int, int, int]:
+    """Latitude and longitude in 1e-7 degree and altitude in mm of a local position (NED, m).
+
+    The autopilot's map projection is that of a sphere.
+    """
+    north_m, east_m, down_m = position_m
     latitude = HOME_LATITUDE_DEG + math.degrees(north_m / _EARTH_RADIUS_M)
     radius = _EARTH_RADIUS_M * math.cos(math.radians(HOME_LATITUDE_DEG))
-    return round(latitude * 1e7), round((HOME_LONGITUDE_DEG + math.degrees(east_m / radius)) * 1e7)
+    longitude = HOME_LONGITUDE_DEG + math.degrees(east_m / radius)
+    return round(latitude * 1e7), round(longitude * 1e7), round((HOME_ALTITUDE_M - down_m) * 1000)
 
 
 def global_origin(time_us: int) -> mavlink.MAVLink_gps_global_origin_message:
     """GPS_GLOBAL_ORIGIN."""
-    latitude, longitude = projected(0.0, 0.0)
-    return mavlink.MAVLink_gps_global_origin_message(
-        latitude, longitude, round(HOME_ALTITUDE_M * 1000), time_us
-    )
+    return mavlink.MAVLink_gps_global_origin_message(*global_position((0.0, 0.0, 0.0)), time_us)
 
 
 def true_state(vehicle: Quadrotor) -> mavlink.MAVLink_hil_state_quaternion_message:

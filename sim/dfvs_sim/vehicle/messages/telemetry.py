@@ -8,10 +8,9 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.geometry.poses import rotation_from_euler
 from dfvs_sim.vehicle.messages.earth import (
-    HOME_ALTITUDE_M,
     attitude_quaternion,
     global_origin,
-    projected,
+    global_position,
     true_state,
 )
 from dfvs_sim.vehicle.motion.flight import Flight
@@ -77,7 +76,7 @@ class Telemetry:
             mavlink.MAV_AUTOPILOT_PX4,
             s.mode.base_mode(armed=s.armed),
             s.mode.custom_mode,
-            int(s.system_status()),
+            s.system_status(),
             3,
         )
 
@@ -108,13 +107,10 @@ class Telemetry:
         e = self._e
         if not (self._status.ready and self._status.estimator_ok):
             return None
-        latitude, longitude = projected(e.north_m, e.east_m)
         heading = round(math.degrees(e.yaw_rad) * 100) % 36000
         return mavlink.MAVLink_global_position_int_message(
             self._ms(now_ns),
-            latitude,
-            longitude,
-            round((HOME_ALTITUDE_M - e.down_m) * 1000),
+            *global_position(e.position_m),
             round((self._status.home_m[2] - e.down_m) * 1000),
             *(round(speed * 100) for speed in e.velocity_m_s),
             heading,
@@ -141,14 +137,11 @@ class Telemetry:
 
     def _gps(self, now_ns: int) -> Message:
         e = self._e
-        latitude, longitude = projected(e.north_m, e.east_m)
         fixed = self._status.estimator_ok
         return mavlink.MAVLink_gps_raw_int_message(
             self._us(now_ns),
             mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
-            latitude,
-            longitude,
-            round((HOME_ALTITUDE_M - e.down_m) * 1000),
+            *global_position(e.position_m),
             70,
             100,
             round(100 * math.hypot(e.v_north_m_s, e.v_east_m_s)),
@@ -202,7 +195,7 @@ class Telemetry:
         )
 
     def _extended_sys_state(self, _: int) -> Message:
-        return mavlink.MAVLink_extended_sys_state_message(0, int(self._status.landed_state()))
+        return mavlink.MAVLink_extended_sys_state_message(0, self._status.landed_state())
 
     def _system_time(self, now_ns: int) -> Message:
         return mavlink.MAVLink_system_time_message(0, self._ms(now_ns))
@@ -211,12 +204,9 @@ class Telemetry:
         s = self._status
         if not s.ready:
             return None
-        north, east, down = s.home_m
-        latitude, longitude = projected(north, east)
-        altitude = round((HOME_ALTITUDE_M - down) * 1000)
         q = attitude_quaternion(0.0, 0.0, self._e.yaw_rad)
         return mavlink.MAVLink_home_position_message(
-            latitude, longitude, altitude, north, east, down, q, 0.0, 0.0, 0.0, self._us(now_ns)
+            *global_position(s.home_m), *s.home_m, q, 0.0, 0.0, 0.0, self._us(now_ns)
         )
 
     def _version(self, _: int) -> Message:

@@ -1,5 +1,6 @@
-"""Where a flight begins, wherever the vehicle truly hovers, and that its end loses nothing."""
+"""One flight: where it begins, what of it is judged, and that its end loses nothing."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight.flight import Flight, FlightError
+from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightLog, running
+from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pilot import PilotError
@@ -19,6 +21,7 @@ from dfvs_sim.ground.pose import VehiclePose
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import CameraPoses, camera_pose
 
 START, GOAL = camera_pose((0.3, -1.2, -1.3), 0.85), camera_pose((0.5, -1.0, -1.3), 0.7)
@@ -59,28 +62,17 @@ def flight(tmp_path: Path) -> Iterator[Flight]:
     flight._ports.close()  # as ``run`` does
 
 
-def test_the_camera_hovers_at_the_planned_start_but_for_its_tilt(flight: Flight) -> None:
+def test_the_camera_hovers_at_the_start_but_for_its_tilt_and_the_scene_stays_upright(
+    flight: Flight,
+) -> None:
     vehicle: Any = Vehicle(GROUND, HOVER)
     T_scene_camera = flight.take_off(vehicle, vehicle)(0)
     assert T_scene_camera is not None
-    distance_m, angle_rad = pose_error(T_scene_camera, START)
-    assert distance_m == pytest.approx(0.0, abs=1e-9)
-    assert angle_rad == pytest.approx(TILT_RAD, abs=1e-9)
-
-
-def test_the_scene_stays_upright(flight: Flight) -> None:
-    vehicle: Any = Vehicle(GROUND, HOVER)
-    T_scene_camera = flight.take_off(vehicle, vehicle)(0)
-    assert T_scene_camera is not None
+    assert pose_error(T_scene_camera, START) == pytest.approx((0.0, TILT_RAD), abs=1e-9)
     T_scene_body = T_scene_camera @ invert_pose(Mount().T_body_camera())
     T_scene_local = T_scene_body @ invert_pose(HOVER.T_local_body())
     np.testing.assert_allclose(T_scene_local[2, :3], [0.0, 0.0, 1.0], atol=1e-9)
-
-
-def test_the_vehicle_climbs_by_the_start_s_height_above_the_floor(flight: Flight) -> None:
-    vehicle: Any = Vehicle(GROUND, HOVER)
-    flight.take_off(vehicle, vehicle)
-    assert vehicle.climbed_m == pytest.approx(1.3, abs=0.02)
+    assert vehicle.climbed_m == pytest.approx(1.3, abs=0.02)  # above the scene's floor
 
 
 def test_a_hover_that_is_not_known_is_an_error(flight: Flight) -> None:
@@ -93,7 +85,7 @@ def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
     flight: Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Refusing:
-        def hold(self) -> None:
+        def set_mode(self, _mode: Mode) -> None:
             raise PilotError("Hold was denied", "an accepted mode")
 
     said: list[str] = []
@@ -101,3 +93,31 @@ def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(
     pilot: Any = Refusing()
     flight._hold(pilot)
     assert said == ["the vehicle is not in Hold: Hold was denied; expected an accepted mode"]
+
+
+def test_it_is_judged_up_to_a_second_after_its_end_from_when_on_the_pilot_flies() -> None:
+    unused: Any = None
+    second_ns = 10**9
+    track = Track(unused, np.eye(4))
+    track.points = [TrackPoint(k * second_ns // 10, np.eye(4), 0.01 * k, 0.0) for k in range(100)]
+    span_ns = 2 * second_ns, 5 * second_ns
+    log = FlightLog(unused, unused, track, unused, *span_ns, "DONE", "goal reached", None)
+    judged_ns = [point.t_ns for point in log.judged]
+    assert (judged_ns[0], judged_ns[-1]) == (2 * second_ns, 6 * second_ns)
+
+
+def test_a_thread_that_is_interrupted_at_its_start_is_told_to_stop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stops: list[threading.Event] = []
+    began = threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        began(thread)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(KeyboardInterrupt), running(stops.append, "camera"):
+        pytest.fail("it was interrupted before")
+    (stop,) = stops
+    assert stop.is_set()
