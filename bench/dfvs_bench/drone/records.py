@@ -196,11 +196,13 @@ def read_records(folder: Path) -> list[FlightRecord]:
     ConfigError
         If one is damaged.
     """
-    paths = sorted(folder.glob("*.json"))
-    summaries = [path for path in paths if b'"methods":' in path.read_bytes()]
-    for path in summaries:
-        log(f"{path} is a summary of dfvs-bench drone, no flight: left out")
-    return [read_record(path) for path in paths if path not in summaries]
+    records = []
+    for path in sorted(folder.glob("*.json")):
+        if b'"methods":' in path.read_bytes():
+            log(f"{path} is a summary of dfvs-bench drone, no flight: left out")
+        else:
+            records.append(read_record(path))
+    return records
 
 
 def read_record(path: Path) -> FlightRecord:

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,8 @@ from dfvs_service.certificates.authority import (
 
 _LOOPBACK = ("localhost", "127.0.0.1")
 _LISTEN = "tls/0.0.0.0:7447"
+_ENDPOINT = re.compile(r"(tls|quic)/[^\s/]+:\d{1,5}")
+"""Where a router can listen that knows its peers by their certificates."""
 _MAX_DAYS = 36_500
 _MAX_VEHICLE = 64 - len(certificate_name(Role.DASHBOARD, ""))
 """Longest name of a vehicle: a certificate's common name has 64 characters (X.520)."""
@@ -36,7 +39,8 @@ def make_everything(arguments: argparse.Namespace) -> None:
     Raises
     ------
     ConfigError
-        If a name, a host or the validity is none, or the authority that is there cannot be read.
+        If a name, a host, the endpoint or the validity is none, or the authority that is there
+        cannot be read.
     """
     out: Path = arguments.out
     vehicles = tuple(Topics(name).vehicle for name in arguments.vehicle or ["drone1"])
@@ -45,6 +49,8 @@ def make_everything(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--vehicle {longest!r}", f"at most {_MAX_VEHICLE} characters")
     if not 1 <= arguments.days <= _MAX_DAYS:
         raise ConfigError(f"--days {arguments.days}", f"1 to {_MAX_DAYS}")
+    if arguments.listen is not None and not _ENDPOINT.fullmatch(arguments.listen):
+        raise ConfigError(f"--listen {arguments.listen!r}", f"an endpoint such as {_LISTEN}")
     for host in arguments.host:
         host_name(host)
     validity = Validity.days_from_now(arguments.days)

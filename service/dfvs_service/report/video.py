@@ -94,7 +94,7 @@ class VideoWriter:
         if self._writer is None:
             return False
         self._writer.release()
-        if not cv2.VideoCapture(str(self._partial)).isOpened():
+        if _frames_in(self._partial) < self._tick:
             raise ConfigError(f"{self._path} cannot be written", "room on the disk")
         try:
             os.replace(self._partial, self._path)
@@ -182,9 +182,19 @@ class VideoWriter:
             draw_flow_key(frame, (x, y))
 
 
+def _frames_in(path: Path) -> int:
+    """Frames that can be read from a video: OpenCV does not tell where writing one failed."""
+    frames = 0
+    with _quiet():
+        video = cv2.VideoCapture(str(path))
+        while video.grab():
+            frames += 1
+    return frames
+
+
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without what OpenCV prints to the standard error: that WebM has no tag for a codec."""
+    """Without what OpenCV prints to the standard error: no tag for a codec, a file cut short."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:

@@ -82,6 +82,24 @@ def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(serve, step_ms):
     assert shift_ms == pytest.approx(step_ms, abs=25.0)  # half of the slowest ping, and 5 ms
 
 
+PLOTTED = """async (times) => {
+  const { Plot } = await import("./plot.js");
+  const { PLOTS } = await import("./plot_series.js");
+  const plot = new Plot(PLOTS[0], document.body, {});
+  for (const t of times) plot.add(t * 1e3, { error_m: 1.0, error_rad: 0.1, error_spread_m: 0.1 });
+  return [plot.firstS, plot.lastS];
+}"""
+
+
+@pytest.mark.parametrize(
+    ("times_s", "shown_s"),
+    [((100, 101, 102, 40, 41), [40, 41]), ((100, 101, 100.5, 102), [100, 102])],
+)
+def test_rows_from_before_the_clock_was_set_back_are_plotted_no_longer(serve, times_s, shown_s):
+    """Those that another one has overtaken are."""
+    assert serve("swift").page.page.evaluate(PLOTTED, times_s) == shown_s
+
+
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""

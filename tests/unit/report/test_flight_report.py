@@ -7,6 +7,7 @@ import re
 import cv2
 import numpy as np
 import pytest
+from full_disk import no_file_above
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.events import Attitude, GateOutput, LocalPosition, Report
@@ -322,6 +323,19 @@ def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(
     monkeypatch.setattr("dfvs_service.report.video._CODEC", "none")
     error = refused(main, "latest", "--out", "x.html")
     assert "no video can be written to x.webm" in error
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+
+
+def test_a_film_that_the_disk_has_no_room_for_leaves_nothing_behind(
+    filmed, tmp_path, monkeypatch, refused
+):
+    monkeypatch.chdir(tmp_path)
+    film = tmp_path / "x.webm"
+    assert main(["latest", "--out", "x.html"]) == 0
+    (tmp_path / "x.html").unlink()
+    with no_file_above(film.stat().st_size // 2):
+        error = refused(main, "latest", "--out", "x.html")
+    assert "x.webm cannot be written" in error
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
 
 

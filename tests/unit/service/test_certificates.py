@@ -148,6 +148,10 @@ def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, refused):
         (["--vehicle", "v" * 55], "at most 54 characters"),
         (["--days", "3000000"], "1 to 36500"),
         *(
+            (["--listen", endpoint], "an endpoint such as tls/0.0.0.0:7447")
+            for endpoint in ("", "0.0.0.0:7447", "tls/drone", "tcp/0.0.0.0:7447", "tls/a b:7447")
+        ),
+        *(
             (["--host", host], f"--host {host!r}; expected an address, or a name")
             for host in ("", "192.168.1.10:7447", "tls/drone", "two words", "dröhne.local")
         ),
