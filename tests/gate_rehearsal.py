@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from dfvs_core.gate.config import MS, Engage, GateConfig, S
+from dfvs_core.gate.config import MS, Engage, GateConfig, GateTiming, S
 from dfvs_core.gate.events import (
     Action,
     Attitude,
@@ -239,3 +239,28 @@ def pilot_config(**changes: object) -> GateConfig:
 
 def auto_config(**changes: object) -> GateConfig:
     return dataclasses.replace(GateConfig(engage=Engage.AUTO), **changes)
+
+
+NO_CHECK = auto_config(timing=GateTiming(response_ns=0))
+"""Without an initial-response check."""
+
+
+def flying(config: GateConfig = NO_CHECK, **changes: object) -> Rehearsal:
+    """A gate in SERVO; without the check at full speed."""
+    gate = Rehearsal(config, **changes).until(GateState.SERVO)
+    return gate.run(2.0) if config is NO_CHECK else gate
+
+
+def in_confirmed(state: GateState) -> Rehearsal:
+    """A gate in the given state, OFFBOARD confirmed."""
+    gate = Rehearsal(pilot_config(timing=GateTiming(response_ns=0))).until(GateState.READY)
+    gate.beat(mode=VehicleMode.OFFBOARD)
+    if state is not GateState.ENGAGE:
+        gate.until(GateState.SERVO)
+    if state is GateState.HOLD:
+        gate.send([gate.report(healthy=False)])
+    if state is GateState.DONE:
+        gate.changes = {"reached": True}
+        gate.until(GateState.DONE)
+    assert gate.state is state
+    return gate

@@ -15,10 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from mavsdk import LogLevel, Mavsdk, MavsdkError, log_subscribe
-from mavsdk.plugins.mavlink_direct.mavlink_direct import (
-    MavlinkDirect,
-    MavlinkMessage,
-)
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.param.param import Param
 
 from dfvs_common.status_text import plain_text, system_names
@@ -143,10 +140,7 @@ class Autopilot:
             direct.subscribe_message(name, self._on_foreign)
 
     def _listen(
-        self,
-        direct: MavlinkDirect,
-        name: str,
-        take: Callable[[int, Mapping[str, Any]], None],
+        self, direct: MavlinkDirect, name: str, take: Callable[[int, Mapping[str, Any]], None]
     ) -> None:
         def on_message(message: MavlinkMessage, _user_data: object) -> None:
             t_ns = time.monotonic_ns()

@@ -18,7 +18,8 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import pose_error
-from dfvs_sim.demo.flight.flight import Flight, FlightLog, NotReadyError
+from dfvs_sim.demo.flight.flight import Flight, NotReadyError
+from dfvs_sim.demo.flight.flight_log import FlightLog
 from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan

@@ -12,7 +12,8 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightLog, running
+from dfvs_sim.demo.flight.flight import Flight, FlightError, running
+from dfvs_sim.demo.flight.flight_log import FlightLog
 from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan

@@ -15,11 +15,12 @@ from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
 from dfvs_sim.demo.flight.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
+from dfvs_sim.demo.flight.flight_log import SETTLE_S, FlightLog
 from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.flight.processes import FlightProcesses
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
-from dfvs_sim.demo.flight.track import Track, TrackPoint
+from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
@@ -30,7 +31,6 @@ from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import CameraPoses
 
 _STARTUP_S = 40.0
-_SETTLE_S = 1.0
 
 Log = Callable[[str], None]
 
@@ -45,39 +45,6 @@ class NotReadyError(FlightError):
 
 FLIGHT_ERRORS = (FlightError, PilotError, LinkError)
 """Errors of a flight that cannot be brought up, where the next one may."""
-
-
-@dataclass(frozen=True, slots=True)
-class FlightLog:
-    """What is known after a flight.
-
-    Attributes
-    ----------
-    engaged_ns, ended_ns : int
-        When it was engaged, and when it reached its end or the timeout (monotonic).
-    end_state, end_cause : str
-        The gate's state at ``ended_ns``, and why: what follows belongs to no flight any more.
-    """
-
-    plan: FlightPlan
-    options: FlightOptions
-    track: Track
-    watch: TelemetryWatch
-    engaged_ns: int
-    ended_ns: int
-    end_state: str
-    end_cause: str
-    vehicle_record: Path | None
-
-    @property
-    def flown(self) -> list[TrackPoint]:
-        """Path from the engagement to the end."""
-        return self.track.between(self.engaged_ns, self.ended_ns)
-
-    @property
-    def judged(self) -> list[TrackPoint]:
-        """Path from the engagement to a second after the end, when the pilot takes over."""
-        return self.track.between(self.engaged_ns, self.ended_ns + round(_SETTLE_S * 1e9))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +115,7 @@ class Flight:
                 watch.cause,
                 self._processes.vehicle_record,
             )
-            time.sleep(_SETTLE_S)
+            time.sleep(SETTLE_S)
             self._hold(session.pilot)
             self._options.pause("press Enter to end")
         return log

@@ -13,7 +13,7 @@ import numpy as np
 
 from dfvs_common.atomic_file import replace_json
 from dfvs_sim.demo.flight.engagement import READY, UNDER_WAY
-from dfvs_sim.demo.flight.flight import FlightLog
+from dfvs_sim.demo.flight.flight_log import FlightLog
 from dfvs_sim.demo.flight.track import meets_criterion, path_length_m, settled_error
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.vehicle.record import read_record
