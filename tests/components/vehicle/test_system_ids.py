@@ -36,3 +36,8 @@ def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
         assert listen_for_systems(companion, 5.0) == {1, 2}
     assert any(event["armed"] for event in second.events("state"))
     assert not any(event["armed"] for event in first.events("state"))
+
+
+def test_nobody_is_heard_on_a_silent_port() -> None:
+    endpoint = Endpoint(listens=True, host="127.0.0.1", port=free_port())
+    assert listen_for_systems(endpoint, 0.1) == set()

@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 
 import pytest
-from gate_rehearsal import TICK_NS, Rehearsal, auto_config
+from gate_rehearsal import NO_CHECK, TICK_NS, Rehearsal, auto_config
 
 from dfvs_core.gate.config import MS, GateTiming, OnDone, S
 from dfvs_core.gate.events import Action, BadReport, ModeRequest, Stop, VehicleMode
@@ -13,11 +13,11 @@ from dfvs_core.gate.states import Cause, GateState
 
 GOAL = "ab" * 32
 CONFIG = auto_config(on_done=OnDone.HOLD_VISUAL)
-NO_CHECK = dataclasses.replace(CONFIG, timing=GateTiming(response_ns=0))
+HOLDS = dataclasses.replace(NO_CHECK, on_done=OnDone.HOLD_VISUAL)
 ZEROS = dataclasses.replace(NO_CHECK, on_done=OnDone.ZERO)
 
 
-def at_goal(config=NO_CHECK, **changes):
+def at_goal(config=HOLDS, **changes):
     """A gate in DONE whose perception asks for a small velocity."""
     gate = Rehearsal(config, **changes).until(GateState.SERVO)
     gate.changes, gate.asked = {"reached": True}, (0.02, 0.01, 0.0, 0.0)
@@ -113,7 +113,7 @@ def test_a_goal_lost_where_zeros_are_sent_changes_nothing():
 
 
 def test_the_goal_is_held_for_its_time_and_the_autopilot_holds_after_it():
-    gate = at_goal(dataclasses.replace(NO_CHECK, hold_visual_ns=20 * S, max_engaged_ns=10 * S))
+    gate = at_goal(dataclasses.replace(HOLDS, hold_visual_ns=20 * S, max_engaged_ns=10 * S))
     reached_ns = gate.now_ns
     gate.forget().until(GateState.ABORT, 25.0)
     assert gate.last.reason == "engaged too long: 20 s allowed"
@@ -123,7 +123,7 @@ def test_the_goal_is_held_for_its_time_and_the_autopilot_holds_after_it():
 
 
 def test_a_hold_in_between_does_not_begin_that_time_anew():
-    gate = at_goal(dataclasses.replace(NO_CHECK, hold_visual_ns=20 * S))
+    gate = at_goal(dataclasses.replace(HOLDS, hold_visual_ns=20 * S))
     reached_ns = gate.now_ns
     gate.run(10.0)
     gate.send([gate.report(healthy=False)])
@@ -208,7 +208,7 @@ def test_another_goal_is_flown_as_a_new_engagement():
 @pytest.mark.parametrize("is_ordered", [True, False])
 def test_another_goal_in_a_hold_at_the_goal_is_a_new_engagement_as_well(is_ordered):
     """Its time is that of a flight, counted from here, and not the rest of the time at the goal."""
-    config = dataclasses.replace(NO_CHECK, hold_visual_ns=4 * S, max_engaged_ns=15 * S)
+    config = dataclasses.replace(HOLDS, hold_visual_ns=4 * S, max_engaged_ns=15 * S)
     gate = at_goal(config)
     if is_ordered:
         gate.command(Action.HOLD)

@@ -1,12 +1,13 @@
 """What moves the vehicle, what stops it, and within what time."""
 
+import dataclasses
 import itertools
 import math
 
 import pytest
-from gate_rehearsal import NO_CHECK, TICK_NS, Rehearsal, auto_config, flying
+from gate_rehearsal import NO_CHECK, TICK_NS, Rehearsal, flying
 
-from dfvs_core.gate.config import MS, GateTiming, OnDone, S
+from dfvs_core.gate.config import MS, OnDone, S
 from dfvs_core.gate.events import (
     BadReport,
     ModeRequest,
@@ -15,7 +16,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
-HANDS_OVER = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
+HANDS_OVER = dataclasses.replace(NO_CHECK, on_done=OnDone.HOLD)
 
 
 def test_servo_follows_perception_within_limits():

@@ -1,14 +1,13 @@
 """The watch over parameters and other commanders: without it nothing engages and nothing moves."""
 
 import pytest
-from gate_rehearsal import Rehearsal, auto_config, pilot_config
+from gate_rehearsal import NO_CHECK, Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.events import ModeRequest, MonitorFailed, OtherServices, ParametersRead
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
-NO_CHECK = GateTiming(response_ns=0)
 LOST = "failed twice"
 
 
@@ -76,7 +75,7 @@ def test_a_watch_that_falls_silent_stops_the_vehicle_until_it_speaks_again(
 
 
 def test_an_engagement_without_a_watch_begins_in_hold():
-    gate = Rehearsal(auto_config(timing=NO_CHECK)).until(GateState.ENGAGE)
+    gate = Rehearsal(NO_CHECK).until(GateState.ENGAGE)
     end_watch(gate)
     gate.until(GateState.HOLD, 3.0)
     assert (gate.last.source, gate.last.cause) == (GateState.ENGAGE, Cause.WATCH_LOST)
@@ -119,7 +118,7 @@ def test_advice_in_flight_stops_nothing():
 
 
 def test_an_engagement_with_refused_parameters_begins_in_hold():
-    gate = Rehearsal(auto_config(timing=NO_CHECK)).until(GateState.ENGAGE)
+    gate = Rehearsal(NO_CHECK).until(GateState.ENGAGE)
     refuse(gate, TERMINATES)
     gate.until(GateState.HOLD, 3.0)
     assert (gate.last.source, gate.last.cause) == (GateState.ENGAGE, Cause.PARAMETERS_REFUSED)

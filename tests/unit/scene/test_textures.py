@@ -73,6 +73,12 @@ class TestMaterials:
             seam = np.abs(np.take(image, 0, axis) - np.take(image, -1, axis)).mean()
             assert seam <= 1.25 * steps.max()
 
+    def test_come_from_the_seed_alone(self):
+        seeds = (5, 5, 6)
+        first, again, other = (textures.bricks(np.random.default_rng(seed)) for seed in seeds)
+        np.testing.assert_array_equal(first, again)
+        assert (first != other).any()
+
     def test_have_detail_for_features_to_hold_on_to(self):
         materials = room_materials(np.random.default_rng(5))
         for name in ("plaster", "ceiling", "wallpaper", "bricks", "planks", "rug", "sofa"):

@@ -244,3 +244,8 @@ def test_the_marks_of_a_check_are_named_where_the_encoding_lacks_them(route, rng
     assert cli.main([*FOV, "--model", "classical", "--check", "--goal", str(route)]) == 1
     printed.flush()
     assert rb"\N{BALLOT X} camera" in printed.buffer.getvalue()
+
+
+def test_an_unreadable_goal_picture(goal, refused):
+    goal.write_bytes(b"GIF89a")
+    assert "PNG or JPEG" in refused(cli.main, "--goal", goal)
