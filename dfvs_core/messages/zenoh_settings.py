@@ -17,6 +17,11 @@ MAX_MESSAGE_BYTES = 8 * 1024 * 1024
 ZenohMode = Literal["peer", "client", "router"]
 
 
+def is_encrypted(endpoint: str) -> bool:
+    """Whether an endpoint needs certificates."""
+    return endpoint.partition("/")[0] in ("tls", "quic")
+
+
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
     """PEM files by which one end of an encrypted link proves who it is."""

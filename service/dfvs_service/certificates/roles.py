@@ -10,7 +10,7 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_access import Role, certificate_name
-from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
+from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, is_encrypted, zenoh_settings
 from dfvs_service.certificates.authority import (
     Credentials,
     Validity,
@@ -25,8 +25,8 @@ from dfvs_service.certificates.authority import (
 
 _LOOPBACK = ("localhost", "127.0.0.1")
 _LISTEN = "tls/0.0.0.0:7447"
-_ENDPOINT = re.compile(r"(tls|quic)/[^\s/]+:\d{1,5}")
-"""Where a router can listen that knows its peers by their certificates."""
+_ENDPOINT = re.compile(r"\w+/[^\s/?#]+:\d{1,5}([?#]\S*)?")
+"""Zenoh endpoint: protocol, host and port, and what may follow of metadata and configuration."""
 _MAX_DAYS = 36_500
 _MAX_VEHICLE = 64 - len(certificate_name(Role.DASHBOARD, ""))
 """Longest name of a vehicle: a certificate's common name has 64 characters (X.520)."""
@@ -49,8 +49,9 @@ def make_everything(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--vehicle {longest!r}", f"at most {_MAX_VEHICLE} characters")
     if not 1 <= arguments.days <= _MAX_DAYS:
         raise ConfigError(f"--days {arguments.days}", f"1 to {_MAX_DAYS}")
-    if arguments.listen is not None and not _ENDPOINT.fullmatch(arguments.listen):
-        raise ConfigError(f"--listen {arguments.listen!r}", f"an endpoint such as {_LISTEN}")
+    listen = arguments.listen
+    if listen is not None and not (is_encrypted(listen) and _ENDPOINT.fullmatch(listen)):
+        raise ConfigError(f"--listen {listen!r}", f"an endpoint such as {_LISTEN}")
     for host in arguments.host:
         host_name(host)
     validity = Validity.days_from_now(arguments.days)
@@ -70,7 +71,7 @@ def make_everything(arguments: argparse.Namespace) -> None:
             write_credentials(out / name, credentials, authority)
             print(f"wrote {out / name}")
     everybody = {*earlier.vehicles, *_vehicles_of(path.name for path in out.iterdir()), *vehicles}
-    endpoints = earlier.endpoints if arguments.listen is None else (arguments.listen,)
+    endpoints = earlier.endpoints if listen is None else (listen,)
     document = router_document(tuple(sorted(everybody)), endpoints)
     _write_router_file(out / _ROUTER_FILE, document)
 

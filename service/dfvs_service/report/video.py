@@ -183,7 +183,7 @@ class VideoWriter:
 
 
 def _frames_in(path: Path) -> int:
-    """Frames that can be read from a video: OpenCV does not tell where writing one failed."""
+    """Frames that can be read from a video; its header may tell of more than the disk took."""
     frames = 0
     with _quiet():
         video = cv2.VideoCapture(str(path))

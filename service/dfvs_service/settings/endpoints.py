@@ -2,21 +2,17 @@
 
 import ipaddress
 
-_ENCRYPTED = ("tls", "quic")
+from dfvs_core.messages.zenoh_settings import is_encrypted
+
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "[::]": "localhost"}
 """Wildcard addresses, and a name of this machine in each service's certificate."""
 _LOCAL = ("unixsock-stream", "unixpipe")
 
 
-def is_encrypted(endpoint: str) -> bool:
-    """Whether a Zenoh endpoint needs certificates."""
-    return endpoint.partition("/")[0] in _ENCRYPTED
-
-
 def is_private(endpoint: str) -> bool:
     """Whether a Zenoh endpoint is encrypted or stays on this machine."""
     protocol, _, rest = endpoint.partition("/")
-    if protocol in (*_ENCRYPTED, *_LOCAL):
+    if is_encrypted(endpoint) or protocol in _LOCAL:
         return True
     return is_loopback(rest.split("#")[0].split("?")[0])
 

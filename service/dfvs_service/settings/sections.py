@@ -9,9 +9,9 @@ from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.messages.schema import setting
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import TlsFiles
+from dfvs_core.messages.zenoh_settings import TlsFiles, is_encrypted
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
-from dfvs_service.settings.endpoints import here, is_encrypted, is_private
+from dfvs_service.settings.endpoints import here, is_private
 
 _WORKING_WIDTHS_PX = (64, 1920)
 _VELOCITY = VelocityLimits()

@@ -61,7 +61,7 @@ def router_of(folder):
 
 
 def test_a_vehicle_that_is_added_takes_nothing_from_those_before(tmp_path):
-    listen = "tls/192.168.1.10:7450"
+    listen = "tls/192.168.1.10:7450#iface=eth0"
     assert main(["--out", str(tmp_path), "--vehicle", "drone1", "--listen", listen]) == 0
     first = router_of(tmp_path)
     (tmp_path / "service.drone1").rename(tmp_path / "service.drone1.old")
