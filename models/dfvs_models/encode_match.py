@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import cast
 
 import cv2
@@ -18,7 +18,7 @@ from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 FREE_AXES = (0, 1)
-"""Axes of the match graph's inputs whose sizes it leaves open: pairs of images, and keypoints."""
+"""Axes of the match graph's inputs whose sizes it may leave open: one pair, and keypoints."""
 _FEW_KEYPOINTS = 400
 """Keypoints by which the turns are ranked, and those that are matched at a known one."""
 _OUTSIDE = -1e4
@@ -114,16 +114,21 @@ class EncodeMatchPoints:
     ) -> Iterator[PointMatches]:
         """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
-        The strongest keypoints rank the changes, all in one run; all keypoints are matched when
-        a hypothesis is asked for. Points with an unwanted match are left out, and the others
+        The strongest keypoints are matched first, to rank the changes; all of them are when a
+        hypothesis is asked for. Points with an unwanted match are left out, and the others
         matched once more. Output that is not finite gives no match.
         """
         first = current.keypoints()
         changed = [other.keypoints(*change) for change in self._changes]
-        for k in np.argsort(-self._support(first, changed), kind="stable"):
-            found = self._match_points(first, changed[k])
+        few = first.strongest()
+
+        def support(second: Keypoints) -> float:
+            return float(self._match_points(few, second.strongest()).confidence.sum())
+
+        for second in sorted(changed, key=support, reverse=True):
+            found = self._match_points(first, second)
             if exclusion is not None and (wrong := exclusion(found)).any():
-                found = self._match_points(first.without(found.current[wrong]), changed[k])
+                found = self._match_points(first.without(found.current[wrong]), second)
             yield found
 
     def expected(
@@ -135,16 +140,10 @@ class EncodeMatchPoints:
         first, second = current.keypoints(), other.keypoints(turn, reduced)
         return self._match_points(first.strongest(), second.strongest())
 
-    def _support(self, first: Keypoints, seconds: Sequence[Keypoints]) -> Float32Array:
-        """Sum (n,) of the confidence of matches of the strongest keypoints with each image's."""
-        few, *others = (k.strongest().tensors for k in (first, *seconds))
-        repeated = [np.repeat(tensor, len(others), axis=0) for tensor in few]
-        stacked = [np.concatenate(tensors) for tensors in zip(*others, strict=True)]
-        _, confidence = self._run(repeated, stacked)
-        return np.asarray(confidence.sum(axis=1), np.float32)
-
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
-        points, confidence = (found[0] for found in self._run(first.tensors, second.tensors))
+        feeds = self._manifest.match_feeds(first.tensors, second.tensors)
+        points, confidence = (found[0] for found in self._match.run(list(feeds.values())))
+        confidence = np.nan_to_num(confidence, posinf=0.0)
         at = first.tensors[0][0]
         kept: BoolArray = confidence > 0.0
         kept &= np.isfinite(at).all(axis=1) & np.isfinite(points).all(axis=1)
@@ -178,14 +177,6 @@ class EncodeMatchPoints:
         linear = turn.T / scale
         return Keypoints(tensors, np.column_stack([linear, (0.5 - turn.T @ shift) / scale - 0.5]))
 
-    def _run(
-        self, first: Sequence[Float32Array], second: Sequence[Float32Array]
-    ) -> tuple[Float32Array, Float32Array]:
-        """Partners (B, N, 2) px of the first keypoints, and confidence (B, N); 0 is none."""
-        feeds = self._manifest.match_feeds(first, second)
-        points, confidence = self._match.run(list(feeds.values()))
-        return points, np.nan_to_num(confidence, posinf=0.0)
-
     def _check_tensors(self) -> None:
         """Check names, and that images and keypoints have the shapes that they have to have."""
         for graph in (self._encode, self._match):
@@ -205,17 +196,14 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest()
-        tensors = [np.repeat(tensor, 2, axis=0) for tensor in found.tensors]
+        tensors = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest().tensors
         feeds = self._manifest.match_feeds(tensors, tensors)
-        given = [
-            (*[0 for _ in FREE_AXES], *tensor.shape[len(FREE_AXES) :]) for tensor in feeds.values()
-        ]
-        expected = [spec.shape for spec in self._match.inputs]
+        given = [(0, *tensor.shape[2:]) for tensor in feeds.values()]
+        expected = [spec.shape[1:] for spec in self._match.inputs]
         if given != expected:
             raise ModelError(
-                f"graph 'match' takes {expected}",
-                f"what 'encode' gives, of any number of images and keypoints (0): {given}",
+                f"graph 'match' takes {expected} of a pair of images",
+                f"what 'encode' gives, of any number of keypoints (0): {given}",
             )
         shape = tensors[0].shape[:2]
         points, confidence = self._match.run(list(feeds.values()))

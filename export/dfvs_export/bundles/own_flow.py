@@ -31,10 +31,9 @@ _MATCH: TensorNames = (
     ("partners", "confidence"),
 )
 _ANY_SIZE = {
-    name: {0: "pairs", 1: "second" if name.startswith("second") else "first"}
-    for name in sum(_MATCH, ())
+    name: {1: "second" if name.startswith("second") else "first"} for name in sum(_MATCH, ())
 }
-"""Pairs of images and their keypoints are as many as each match asks for."""
+"""Keypoints are as many as each match asks for."""
 _MATCHED = 0.1
 """Confidence from which on a keypoint counts as matched."""
 _ABOUT = """\

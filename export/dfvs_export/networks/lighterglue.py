@@ -17,6 +17,9 @@ LAYERS = 6
 _WIDTH, _INPUTS = 96, 64
 """Channels of its features, and of the descriptors that go in."""
 _MASKED = -1e4
+_LEAST_WEIGHT_LOG = -80.0
+"""Logarithm of the least weight in attention over the largest. Smaller ones would change no sum in
+float32, and could be subnormal numbers, with which processors are slow."""
 
 
 class Assignment(NamedTuple):
@@ -95,6 +98,13 @@ def _similarity(queries: Tensor, keys: Tensor) -> Tensor:
     return result
 
 
+def attended(logits: Tensor, points: Tensor) -> Tensor:
+    """Mean (B, N, C) of points (B, M, C) by the softmax of logits (B, N, M)."""
+    least = logits.detach().amax(dim=-1, keepdim=True) + _LEAST_WEIGHT_LOG
+    result: Tensor = torch.softmax(torch.maximum(logits, least), dim=-1) @ points
+    return result
+
+
 class _Attention(nn.Module):
     """Feed-forward layer on a point and the mean of what it attends to, added to the point."""
 
@@ -137,7 +147,7 @@ class _SelfAttention(_Attention):
         return self.updated(
             x,
             *(
-                torch.softmax(_similarity(queries, keys) + no, dim=-1) @ points
+                attended(_similarity(queries, keys) + no, points)
                 for queries, keys, points, no in zip(*sides, masked, strict=True)
             ),
         )
@@ -156,8 +166,8 @@ class _CrossAttention(_Attention):
         similar = _similarity(*_sides(self.to_qk(x), no_first))
         return self.updated(
             x,
-            torch.softmax(similar + no_second, dim=-1) @ second,
-            torch.softmax(similar.transpose(-1, -2) + no_first, dim=-1) @ first,
+            attended(similar + no_second, second),
+            attended(similar.transpose(-1, -2) + no_first, first),
         )
 
 

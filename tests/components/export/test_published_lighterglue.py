@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from dfvs_export.networks.lighterglue import LighterGlue
+from dfvs_export.networks.lighterglue import LighterGlue, attended
 from dfvs_export.networks.xfeat import Keypoints
 from dfvs_export.weights.flow import folded
 
@@ -111,3 +111,11 @@ def test_folded_linear_maps_compute_what_the_published_network_does(counts, unus
     used = first.scores[:, :, None] * second.scores[:, None] > 0
     torch.testing.assert_close(found[used], expected[used], atol=2e-3, rtol=1e-3)
     assert expected[used].std() > 0.1
+
+
+def test_no_attention_has_weights_that_are_subnormal():
+    """Processors are slow with them."""
+    logits = -torch.arange(120.0)[None, None]
+    weights = attended(logits, torch.eye(120)[None])
+    torch.testing.assert_close(weights, torch.softmax(logits, dim=-1), atol=1e-30, rtol=1e-6)
+    assert weights.min() >= torch.finfo(torch.float32).tiny
