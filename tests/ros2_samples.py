@@ -9,13 +9,15 @@ STAMP_NS = 1_700_000_000_123_456_789
 FRAME = "camera"
 
 
-def image_message(pixels, encoding, *, step=None, is_bigendian=0, stamp_ns=STAMP_NS):
+def image_message(
+    pixels, encoding, *, step=None, is_bigendian=0, stamp_ns=STAMP_NS, frame_id=FRAME
+):
     """CDR of an Image; ``pixels`` is (H, W, bytes a pixel) uint8, ``step`` adds padding."""
     height, width, size = pixels.shape
     step = width * size if step is None else step
     rows = np.full((height, step), 0xEE, np.uint8)
     rows[:, : width * size] = pixels.reshape(height, -1)
-    stamped = header(stamp_ns, FRAME)
+    stamped = header(stamp_ns, frame_id)
     data = rows.reshape(-1)
     return encode(IMAGE, make(IMAGE, stamped, height, width, encoding, is_bigendian, step, data))
 

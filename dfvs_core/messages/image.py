@@ -27,6 +27,8 @@ _PNG_PIXEL_BYTES, _PNG_LINE_BYTES = 8, 16
 """Four channels of 16 bits; a filter byte a line, for every pass of an interlaced one."""
 _INFLATE_BYTES = 1 << 16
 _MAX_PNG_CHUNKS = 8192
+_LEAST_16_BIT_PEAK = 4096
+"""Values of 12 bits or fewer are below; the high byte of 16 would hold next to nothing of them."""
 _JPEG_MAGIC = b"\xff\xd8\xff"
 _JPEG_SIZE_MARKERS = frozenset({0xC0, 0xC1, 0xC2})
 """Baseline, extended and progressive, Huffman coded: what cameras send."""
@@ -87,7 +89,8 @@ def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
     Raises
     ------
     ImageError
-        If the image is too large, damaged, or not PNG or JPEG.
+        If the image is too large, damaged, or not PNG or JPEG, or values of fewer bits are in a
+        PNG of 16.
     """
     if len(data) > MAX_IMAGE_BYTES:
         remedy = "save it as JPEG, or with fewer pixels"
@@ -100,14 +103,27 @@ def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
     elif data.count(_JPEG_SCAN) > _MAX_JPEG_SCANS:
         raise ImageError(f"JPEG of {data.count(_JPEG_SCAN)} scans", f"at most {_MAX_JPEG_SCANS}")
     # Pixels stay where the sensor had them: a note on how to turn the image must not count.
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         bgr = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
         raise ImageError(f"the image cannot be decoded ({error.err})") from error
-    if bgr is None or bgr.shape[:2] != (height, width) or bgr.dtype != np.uint8:
-        raise ImageError("the image cannot be decoded", f"{width} x {height} px, 8 bit")
+    if bgr is None or bgr.shape[:2] != (height, width) or bgr.dtype not in (np.uint8, np.uint16):
+        raise ImageError("the image cannot be decoded", f"{width} x {height} px, 8 or 16 bit")
+    if bgr.dtype == np.uint16:
+        bgr = _high_byte(bgr)
     return np.ascontiguousarray(bgr[:, :, ::-1])
+
+
+def _high_byte(pixels: cv2.typing.MatLike) -> ImageArray:
+    """Bring an image (H, W, 3) of 16 bits to 8, where it uses its 16."""
+    if (peak := int(pixels.max())) < _LEAST_16_BIT_PEAK:
+        raise ImageError(
+            f"a PNG of 16 bits whose largest value is {peak}",
+            f"{_LEAST_16_BIT_PEAK} to 65535",
+            "save it with 8 bits, or multiply its values: those of 12 bits by 16",
+        )
+    return (pixels // 256).astype(np.uint8)
 
 
 def _png_pixels(data: bytes, width: int, height: int) -> bytes:

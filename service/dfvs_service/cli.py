@@ -32,7 +32,7 @@ from dfvs_service.replay.gate import replay_gate
 from dfvs_service.route.cli import run as teach
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text
-from dfvs_service.settings.exposure import exposure_warnings
+from dfvs_service.settings.exposure import exposure_checks
 from dfvs_service.settings.goal_file import goal_command, read_image, read_sidecar, route_images
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
@@ -233,8 +233,9 @@ def _fly(words: Sequence[str]) -> int:
     check_commands(config)
     check_ports(config)
     config = with_model(config, goal)
-    for line in exposure_warnings(config):
-        warn(line)
+    for check in exposure_checks(config):
+        if not check.ok:
+            warn(f"{check.detail} ({check.remedy})")
     with runtime_folder(arguments.runtime_dir) as runtime:
         check_ports(config)  # the model took seconds to load
         prepare_runtime(runtime, config, goal, later)

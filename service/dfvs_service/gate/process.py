@@ -44,6 +44,8 @@ from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.watched_thread import run_watched
 
 TICK_NS = 20 * MS
+_FLUSH_S = 0.1
+"""For each of both journals: the parent takes 300 ms without a heartbeat for a hang."""
 
 _CHECKED = frozenset({GateState.IDLE, GateState.PREFLIGHT, GateState.READY})
 
@@ -171,8 +173,8 @@ class GateProcess:
 
     def close(self) -> None:
         """Flush the log and the journal."""
-        self._journal.close()
-        self._inputs.close()
+        self._journal.close(_FLUSH_S)
+        self._inputs.close(_FLUSH_S)
 
     @property
     def _is_flight(self) -> bool:

@@ -19,7 +19,6 @@ from dfvs_service.preflight.calibration import camera_checks
 from dfvs_service.preflight.ground import (
     command_check,
     error_check,
-    exposure_checks,
     model_check,
     speed_check,
 )
@@ -28,6 +27,7 @@ from dfvs_service.preflight.live_view import LiveView
 from dfvs_service.preflight.report import CheckReport
 from dfvs_service.preflight.stream import stream_checks
 from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.exposure import exposure_checks
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.heartbeat import Heartbeat
 from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime, supervise

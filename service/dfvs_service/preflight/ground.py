@@ -14,7 +14,6 @@ from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.endpoints import is_private_mavlink
 from dfvs_service.settings.key_file import load_key
 
 _FRAMES = 5
@@ -72,26 +71,6 @@ def speed_check(
     fast = then_ms * MS <= MATCH_BUDGET_NS
     remedy = "use smaller frames, a faster model (flow.model) or another flow.provider"
     return Check("speed", fast, detail, "" if fast else remedy)
-
-
-def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
-    """Advice about connections that anyone on the network could use."""
-    exposed, mavlink = config.zenoh.exposed, config.vehicle.mavlink
-    lines = ", ".join((*config.zenoh.connect, *config.zenoh.listen))
-    if exposed:
-        lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames"
-    encrypt = "make certificates with dfvs-certs and use tls/ endpoints"
-    private = is_private_mavlink(mavlink)
-    return (
-        Check("zenoh", not exposed, lines, encrypt if exposed else "", binding=False),
-        Check(
-            "mavlink",
-            private,
-            mavlink if private else f"{mavlink} leaves this machine, and MAVLink is not signed",
-            "" if private else "use a serial line or a link that nobody else reaches",
-            binding=False,
-        ),
-    )
 
 
 def command_check(config: ServiceConfig) -> Check:

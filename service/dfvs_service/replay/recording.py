@@ -152,13 +152,13 @@ def in_order(paths: Sequence[Path]) -> list[Path]:
 def _entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
     """Whole entries of a file; none where a power cut left it empty."""
     try:
-        yield from _whole_entries(path, warn)
+        yield from (entry for entry in _all_entries(path, warn) if entry.is_whole)
     except NotMcapError as error:
         warn(f"{error.problem}: left out")
 
 
-def _whole_entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
-    """Whole entries of a file, in its order."""
+def _all_entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
+    """Entries of a file, in its order."""
     topics: dict[int, str] = {}
     entry: Entry | None = None
     with open_records(path, warn) as records:
@@ -169,12 +169,12 @@ def _whole_entries(path: Path, warn: Callable[[str], None]) -> Iterator[Entry]:
                 continue
             topic = topics.get(record.channel_id, "")
             if topic in _MESSAGES:
-                if entry is not None and entry.is_whole:
+                if entry is not None:
                     yield entry
                 entry = _begin(path, topic, record.data)
             elif topic in _PAYLOADS and entry is not None:
                 entry = replace(entry, payload=_payload(topic, record.data))
-    if entry is not None and entry.is_whole:
+    if entry is not None:
         yield entry
 
 

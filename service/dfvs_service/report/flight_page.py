@@ -38,7 +38,7 @@ def make_report(
     flight : Flight
         What was read of it.
     video_path : Path
-        Takes the film (VP8 in WebM), which is replaced; none is there for a flight without a view.
+        Takes the film (VP8 in WebM), replaced once it is whole; a flight without a view has none.
     show : callable
         Is given every view once it is in the video.
 
@@ -47,7 +47,6 @@ def make_report(
     DfvsError
         If the video cannot be written or the views cannot be read.
     """
-    video_path.unlink(missing_ok=True)
     video = VideoWriter(video_path, flight, source.video_rate_hz)
 
     def on_view(view: FlightView) -> None:

@@ -83,7 +83,7 @@ class VideoWriter:
         self._view, self._image = view, None
 
     def close(self) -> bool:
-        """Finish the video; returns whether there is one.
+        """Put the video in the place of an older one; returns whether there is one.
 
         Raises
         ------
@@ -92,6 +92,7 @@ class VideoWriter:
         """
         self._show_until(self._line.to_s)
         if self._writer is None:
+            self._path.unlink(missing_ok=True)
             return False
         self._writer.release()
         if _frames_in(self._partial) < self._tick:
@@ -103,7 +104,7 @@ class VideoWriter:
         return True
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Leave nothing of this video behind, and an older one as it was."""
         if self._writer is not None:
             self._writer.release()
         self._partial.unlink(missing_ok=True)

@@ -100,6 +100,7 @@ class Ros2FrameSource:
         self._clocks = clocks
         self._wall_clock = WallClock()
         self._count = 0
+        self._frame_id = ""
         image = Ros2Topic(section.topic, self._type_name, section.domain)
         *namespace, name = image.plain.removesuffix("/compressed").split("/")
         self._is_rectified = name.startswith(_RECTIFIED)
@@ -123,11 +124,13 @@ class Ros2FrameSource:
         Raises
         ------
         DfvsError
-            If it is no message of the type, or the message cannot be used.
+            If it is no message of the type, the message cannot be used, or another camera sent the
+            one before.
         """
         now = self._clocks()
         message = decode(self._type_name, sample.payload)
         pixels = from_compressed(message) if self._is_compressed else from_image(message)
+        self._require_same_camera(str(message.header.frame_id))
         t_ns = self._wall_clock.monotonic_of(pixels.stamp_ns, now)
         if t_ns < 0:
             raise WireError(
@@ -136,6 +139,16 @@ class Ros2FrameSource:
             )
         header = self._header(pixels, self._sequence(sample.attachment), t_ns)
         return RawSample(pixels.payload, encode_header(header), sample.t_arrival_ns)
+
+    def _require_same_camera(self, frame_id: str) -> None:
+        """Tell two cameras on one topic by their coordinate frames; not all send their count."""
+        before, self._frame_id = self._frame_id, frame_id
+        if before not in ("", frame_id):
+            raise WireError(
+                f"the image's frame_id is {frame_id[:40]!r}, the last one's {before[:40]!r}",
+                "one camera on the topic",
+                "give each camera a topic of its own",
+            )
 
     def _sequence(self, attachment: bytes) -> int:
         """Publisher's own count where it sends one, else ours."""

@@ -82,22 +82,38 @@ def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(serve, step_ms):
     assert shift_ms == pytest.approx(step_ms, abs=25.0)  # half of the slowest ping, and 5 ms
 
 
-PLOTTED = """async (times) => {
-  const { Plot } = await import("./plot.js");
-  const { PLOTS } = await import("./plot_series.js");
-  const plot = new Plot(PLOTS[0], document.body, {});
-  for (const t of times) plot.add(t * 1e3, { error_m: 1.0, error_rad: 0.1, error_spread_m: 0.1 });
-  return [plot.firstS, plot.lastS];
+PLOTTED = """async ([times, marks]) => {
+  const { Plots } = await import("./plots.js");
+  const plots = new Plots(document.body, () => 0);
+  plots.show(0);
+  plots.mark(marks.map((t) => ({ t_ms: t * 1e3, to: "SERVO" })));
+  const row = { error_m: 1.0, error_rad: 0.1, error_spread_m: 0.1, setpoint: [], flown: [] };
+  for (const [source, t] of times) plots.add(source, { t_ms: t * 1e3, ...row });
+  return [plots.rangeS, plots.markers.map((marker) => marker.t_ms / 1e3)];
 }"""
 
 
 @pytest.mark.parametrize(
-    ("times_s", "shown_s"),
-    [((100, 101, 102, 40, 41), [40, 41]), ((100, 101, 100.5, 102), [100, 102])],
+    ("times_s", "marks_s", "shown_s", "marked_s"),
+    [
+        ((100, 101, 102, 40, 50), (30, 99, 40.5), [40, 50], [40.5]),
+        ((100, 101, 102, 40, 50), (30, 99), [40, 50], []),
+        ((40, 50), (30, 99, 40.5), [40, 50], [40.5]),
+        ((100, 101, 100.5, 110), (30, 99, 98.5), [100, 110], [30, 99, 98.5]),
+    ],
 )
-def test_rows_from_before_the_clock_was_set_back_are_plotted_no_longer(serve, times_s, shown_s):
+def test_rows_and_states_from_before_the_clock_was_set_back_are_shown_no_longer(
+    serve, times_s, marks_s, shown_s, marked_s
+):
     """Those that another one has overtaken are."""
-    assert serve("swift").page.page.evaluate(PLOTTED, times_s) == shown_s
+    times = [("vehicle", t_s) for t_s in times_s]
+    page = serve("swift").page.page
+    assert page.evaluate(PLOTTED, [times, marks_s]) == [shown_s, marked_s]
+
+
+def test_results_that_ended_before_the_clock_was_set_back_hold_up_no_plot(serve):
+    times = [("results", 100), ("vehicle", 100), ("vehicle", 40), ("vehicle", 50)]
+    assert serve("swift").page.page.evaluate(PLOTTED, [times, []]) == [[40, 50], []]
 
 
 @pytest.fixture

@@ -7,6 +7,9 @@ from recorded_flight import fly, write_recording
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.frame_record import FrameRecord
 from dfvs_service.record.cli import main as record_main
+from dfvs_service.record.mcap_file import McapFile
+from dfvs_service.record.messages import channels
+from dfvs_service.record.messages.translation import Translation
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
@@ -74,6 +77,23 @@ def test_records_whose_session_header_is_damaged_are_left_out_and_counted(flight
     assert kept == flight.turns[: len(kept)]
     assert 3 < len(kept) <= 6
     assert "flight-000.mcap: frame records without their session header left out: 6" in warnings
+
+
+@pytest.mark.parametrize("lost", [3, -1])
+def test_a_frame_record_whose_image_was_lost_is_left_out_wherever_it_lies(tmp_path, lost):
+    flight = fly(np.random.default_rng(7), 6)
+    (header, goal), *frames = flight.events
+    translation = Translation(header)
+    file = McapFile(tmp_path / "flight-000.mcap", {})
+    file.write(translation.header(goal))
+    for record, payload in frames:
+        messages = list(translation.record(record, payload))
+        if record is frames[lost][0]:
+            messages = [m for m in messages if m.channel is not channels.COMPRESSED_IMAGE]
+        file.write(messages)
+    file.finish()
+    kept = [record for record in flight.turns if record is not frames[lost][0]]
+    assert records(file.path, []) == kept
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(4096)])

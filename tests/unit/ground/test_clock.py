@@ -81,3 +81,4 @@ def test_a_slow_vehicle_that_starts_anew_is_noticed() -> None:
     assert clock.update(0, arrival_ns)
     assert clock.offset_ns == arrival_ns
     assert clock.simulation_rate is None
+    assert clock.local_ns(1000 * MS) == arrival_ns + 1000 * MS  # its rate is not known yet

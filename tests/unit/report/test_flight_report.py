@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 
 import cv2
 import numpy as np
@@ -316,27 +317,36 @@ def test_the_truth_of_a_simulation_is_drawn_beside_the_estimate(flight, tmp_path
     assert "1.000 → 0.220 m" in text
 
 
-def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(
-    filmed, tmp_path, monkeypatch, refused
-):
+@pytest.fixture
+def older(filmed, tmp_path, monkeypatch):
+    """Page and film of an earlier report on the same flight, with their bytes."""
     monkeypatch.chdir(tmp_path)
+    assert main(["latest", "--out", "x.html"]) == 0
+    return files_of(tmp_path)
+
+
+def files_of(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_a_film_that_cannot_be_encoded_changes_nothing(older, tmp_path, monkeypatch, refused):
     monkeypatch.setattr("dfvs_service.report.video._CODEC", "none")
     error = refused(main, "latest", "--out", "x.html")
     assert "no video can be written to x.webm" in error
-    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+    assert files_of(tmp_path) == older
 
 
-def test_a_film_that_the_disk_has_no_room_for_leaves_nothing_behind(
-    filmed, tmp_path, monkeypatch, refused
-):
-    monkeypatch.chdir(tmp_path)
-    film = tmp_path / "x.webm"
-    assert main(["latest", "--out", "x.html"]) == 0
-    (tmp_path / "x.html").unlink()
-    with no_file_above(film.stat().st_size // 2):
+def test_a_film_that_the_disk_has_no_room_for_changes_nothing(older, tmp_path, refused):
+    with no_file_above(len(older["x.webm"]) // 2):
         error = refused(main, "latest", "--out", "x.html")
     assert "x.webm cannot be written" in error
-    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+    assert files_of(tmp_path) == older
+
+
+def test_a_flight_without_views_takes_an_older_film_away(older, filmed, tmp_path):
+    shutil.rmtree(filmed / "thumbnails")
+    assert main(["latest", "--out", "x.html"]) == 0
+    assert files_of(tmp_path).keys() == {"x.html"}
 
 
 def test_the_command_gives_its_result_as_json(filmed, tmp_path, monkeypatch, capsys):

@@ -138,6 +138,16 @@ def test_a_system_clock_that_is_set_costs_one_frame_and_no_wrong_age(picture):
     assert frame.t_capture_ns == rig.now.monotonic_ns - 20 * MS
 
 
+def test_images_of_two_cameras_in_turn_are_refused_and_another_one_costs_one_frame(picture):
+    rig = Rig(link="bridge")
+    left, right = (image_message(picture, "rgb8", frame_id=name) for name in ("left", "right"))
+    rig.frame(left)
+    for payload in (right, left, right):
+        with pytest.raises(WireError, match=r"frame_id is .*; expected one camera on the topic"):
+            rig.frame(payload)
+    rig.frame(right)
+
+
 def test_the_sequence_is_the_publisher_s_where_it_sends_one(picture):
     rig = Rig()
     payload = image_message(picture, "rgb8")

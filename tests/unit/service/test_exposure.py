@@ -6,7 +6,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_service.certificates.authority import Validity, make_authority, write_credentials
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.endpoints import is_private, is_private_mavlink
-from dfvs_service.settings.exposure import exposure_warnings
+from dfvs_service.settings.exposure import exposure_checks
 from dfvs_service.zenoh_session import require_usable_files
 
 
@@ -56,26 +56,37 @@ def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
     assert is_private_mavlink(url) is private
 
 
+def assert_advises(check):
+    assert not check.ok
+    assert not check.refuses
+    assert check.remedy
+
+
 @pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/", ""])
 @pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
 def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     with pytest.raises(ConfigError, match="allow_plaintext"):
         load_config(None, {key: [endpoint]})
     config = load_config(None, {key: [endpoint], "zenoh.allow_plaintext": True})
-    (line,) = exposure_warnings(config)
-    assert "NOT ENCRYPTED" in line
-    assert endpoint in line
+    zenoh, mavlink = exposure_checks(config)
+    assert f"{endpoint} NOT ENCRYPTED" in zenoh.detail
+    assert_advises(zenoh)
+    assert mavlink.ok
 
 
 @pytest.mark.parametrize("connect", [[], ["tcp/127.0.0.1:7447"], ["tls/drone.example:7447"]])
 def test_defaults_and_zenoh_on_this_machine_or_encrypted_expose_nothing(connect):
     tls = {"zenoh.tls.ca": "ca.pem"} if connect else {}
-    assert exposure_warnings(load_config(None, {"zenoh.connect": connect, **tls})) == ()
+    config = load_config(None, {"zenoh.connect": connect, **tls})
+    assert all(check.ok for check in exposure_checks(config))
 
 
 def test_mavlink_on_a_network_is_warned_of():
-    (line,) = exposure_warnings(load_config(None, {"vehicle.mavlink": "udpin://0.0.0.0:14540"}))
-    assert "NOT SIGNED" in line
+    config = load_config(None, {"vehicle.mavlink": "udpin://0.0.0.0:14540"})
+    zenoh, mavlink = exposure_checks(config)
+    assert "NOT SIGNED" in mavlink.detail
+    assert_advises(mavlink)
+    assert zenoh.ok
 
 
 @pytest.fixture

@@ -141,6 +141,27 @@ def test_every_kind_of_png_is_read(rng, channels, dtype, flags):
     assert decode_image(bytes(data)).shape == (48, 64, 3)
 
 
+def png_of_16_bits(rng, most):
+    """Pixels (48, 64, 3) uint16, BGR, and their PNG; ``most`` is the largest of their values."""
+    pixels = rng.integers(0, most, (48, 64, 3)).astype(np.uint16)
+    pixels[7, 5, 1] = most
+    ok, data = cv2.imencode(".png", pixels)
+    assert ok
+    return pixels, bytes(data)
+
+
+@pytest.mark.parametrize("most", [4096, 65535])
+def test_the_high_byte_of_16_bits_is_kept(rng, most):
+    pixels, data = png_of_16_bits(rng, most)
+    np.testing.assert_array_equal(decode_image(data), pixels[:, :, ::-1] >> 8)
+
+
+def test_12_bits_in_a_png_of_16_are_refused_with_what_to_do(rng):
+    _, data = png_of_16_bits(rng, 4095)
+    with pytest.raises(ImageError, match=r"largest value is 4095; .*multiply.*12 bits by 16"):
+        decode_image(data)
+
+
 def test_a_jpeg_of_very_many_scans_is_refused(frame):
     """Each scan costs a dozen bytes and a walk over the whole picture."""
     ok, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])

@@ -98,9 +98,9 @@ const TAKE = {
     operator.cameraWidth = settings.camera_width;
   },
   history: (history) => {
+    takeTransitions(history.transitions);
     takePath(history.path);
     takeServo(history.servo);
-    takeTransitions(history.transitions);
   },
   servo: takeServo,
   path: takePath,

@@ -7,8 +7,6 @@ const HEIGHT_PX = 112;
 const WIDE_PX = 1800;
 const WIDE_HEIGHT_PX = 180;
 const BAND_OPACITY = 0.3;
-/** Step back in time, s, that no link explains: the clock was set, and older rows lie in its future. */
-const SET_BACK_S = 2;
 
 /** Colour of a state's marker; others are calm. */
 const TONES = {
@@ -39,7 +37,6 @@ export class Plot {
   }
 
   add(tMs, row) {
-    if (tMs / 1000 < this.lastS - SET_BACK_S) this.clear();
     this.#columns[0].push(tMs / 1000);
     this.#definition.lines.forEach((line, i) => {
       const value = line.of(row);

@@ -7,21 +7,24 @@ import { byId, say, timeOfDay } from "./words.js";
 const PERIOD_MS = 250;
 const LEAST_SPAN_S = 5;
 const MOST_MARKERS = 50;
+/** Step back in time that no link explains: the clock was set, and what is older lies in its future. */
+const SET_BACK_MS = 2000;
 /** Share of the time shown that is left empty at most, once nothing comes any more. */
 const EMPTY_SHARE = 0.2;
 
 export class Plots {
   #plots;
   #now;
-  #markers = [];
   #zoom = null;
   spanS = 30;
+  /** Transitions of the gate, as they came. */
+  markers = [];
 
   /** @param {HTMLElement} parent takes the plots; @param {() => number} now server's clock, ms */
   constructor(parent, now) {
     this.#now = now;
     const events = {
-      markers: () => this.#markers,
+      markers: () => this.markers,
       onHover: (tS) => this.#showTime(tS),
       onZoom: (fromS, toS) => this.#setZoom([fromS, toS]),
       onUnzoom: () => this.#setZoom(null),
@@ -33,17 +36,31 @@ export class Plots {
 
   /** @param source of the row: `results` or `vehicle` */
   add(source, row) {
-    for (const plot of this.#plots) if (plot.source === source) plot.add(row.t_ms, row);
+    const plots = this.#plots.filter((plot) => plot.source === source);
+    const latestMs = row.t_ms + SET_BACK_MS;
+    if (plots[0].lastS * 1000 > latestMs) {
+      for (const plot of this.#plots) if (plot.lastS * 1000 > latestMs) plot.clear();
+      this.#unmark(latestMs);
+    }
+    for (const plot of plots) plot.add(row.t_ms, row);
   }
 
   mark(transitions) {
-    this.#markers.push(...transitions);
-    this.#markers.splice(0, this.#markers.length - MOST_MARKERS);
+    for (const transition of transitions) {
+      this.#unmark(transition.t_ms + SET_BACK_MS);
+      this.markers.push(transition);
+    }
+    this.markers.splice(0, this.markers.length - MOST_MARKERS);
+  }
+
+  /** Forget the markers up to the last one that is later: the clock was set back after it. */
+  #unmark(latestMs) {
+    this.markers.splice(0, this.markers.findLastIndex((marker) => marker.t_ms > latestMs) + 1);
   }
 
   clear() {
     this.#plots.forEach((plot) => plot.clear());
-    this.#markers = [];
+    this.markers = [];
     this.#setZoom(null);
   }
 
@@ -70,12 +87,12 @@ export class Plots {
       say(byId("plot-time"), this.#zoom ? this.#zoom.map((edgeS) => timeOfDay(edgeS * 1000)).join(" to ") : "");
       return;
     }
-    const state = this.#markers.findLast((marker) => marker.t_ms <= tS * 1000)?.to ?? "";
+    const state = this.markers.findLast((marker) => marker.t_ms <= tS * 1000)?.to ?? "";
     say(byId("plot-time"), `${timeOfDay(tS * 1000)} ${state}`);
   }
 
   /** Seconds at the left and right edge; null before the first data. */
-  #window() {
+  get rangeS() {
     if (this.#zoom) return this.#zoom;
     const last = Math.max(...this.#plots.map((plot) => plot.lastS));
     if (!last) return null;
@@ -88,7 +105,7 @@ export class Plots {
 
   #draw() {
     if (document.hidden) return;
-    const range = this.#window();
+    const range = this.rangeS;
     if (range) this.#plots.forEach((plot) => plot.draw(...range));
   }
 }
