@@ -15,6 +15,7 @@ from dfvs_core.gate.states import TRANSITIONS
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.topics import Topics
 from dfvs_core.servo.exchange import Status
+from dfvs_service.settings.config import load_config, parse_assignment
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -174,6 +175,13 @@ def test_every_option_in_the_blocks_of_code_is_known_to_its_command(helps):
             unknown += [(named(page), command, o) for o in sorted(options - told)]
     assert unknown == []
     assert count > 100
+
+
+def test_the_settings_in_the_examples_of_the_helps_are_accepted(helps):
+    words = [w for told in helps.values() for w in re.findall(r"--set ([a-z]\S+)", told)]
+    assert words
+    for word in words:
+        load_config(None, dict([parse_assignment(word.replace("'", ""))]))
 
 
 @pytest.fixture(scope="module")
