@@ -14,6 +14,9 @@ from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.settings.endpoints import here, is_private
 
 _WORKING_WIDTHS_PX = (64, 1920)
+_MAVLINK_SCHEMES = frozenset(
+    ["udp", "udpin", "udpout", "tcp", "tcpin", "tcpout", "serial", "serial_flowcontrol", "raw"]
+)
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
 
@@ -37,8 +40,14 @@ class VehicleSection:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a name that no Zenoh key can hold."""
+        """Refuse a name that no Zenoh key can hold, and a connection that MAVSDK does not know."""
         Topics(self.name)
+        scheme, is_url, _ = self.mavlink.partition("://")
+        if not is_url or scheme not in _MAVLINK_SCHEMES:
+            raise ConfigError(
+                f"vehicle.mavlink = {self.mavlink!r}",
+                "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
+            )
 
 
 @dataclass(frozen=True, slots=True)
