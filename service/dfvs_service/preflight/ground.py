@@ -12,6 +12,7 @@ from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
+from dfvs_service.gate.serial_device import device_fault, serial_path
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.endpoints import is_private_mavlink
@@ -75,15 +76,20 @@ def speed_check(
 
 
 def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
-    """Advice about connections that anyone on the network could use."""
+    """Advice about connections that anyone could use, and a serial device that nobody can."""
     exposed, mavlink = config.zenoh.exposed, config.vehicle.mavlink
     lines = ", ".join((*config.zenoh.connect, *config.zenoh.listen))
     if exposed:
         lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames"
     encrypt = "make certificates with dfvs-certs and use tls/ endpoints"
+    zenoh = Check("zenoh", not exposed, lines, encrypt if exposed else "", binding=False)
+    device = serial_path(mavlink)
+    fault = None if device is None else device_fault(device)
+    if fault is not None:
+        return zenoh, error_check("mavlink", fault)
     private = is_private_mavlink(mavlink)
     return (
-        Check("zenoh", not exposed, lines, encrypt if exposed else "", binding=False),
+        zenoh,
         Check(
             "mavlink",
             private,

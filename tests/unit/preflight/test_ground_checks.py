@@ -194,6 +194,16 @@ def test_what_leaves_this_machine_unprotected_is_a_cross_that_refuses_nothing():
     assert all(check.ok for check in exposure_checks(config()))
 
 
+def test_a_serial_device_that_is_missing_is_named(tmp_path):
+    device = tmp_path / "ttyACM0"
+    settings = config(vehicle__mavlink=f"serial://{device}:921600")
+    _, check = exposure_checks(settings)
+    assert check.detail == f"there is no serial device {device}"
+    assert check.refuses
+    device.touch()
+    assert all(each.ok for each in exposure_checks(settings))
+
+
 def test_engaging_by_command_needs_a_key_that_is_private(tmp_path):
     assert command_check(config()).ok
     assert not command_check(config(gate__engage="command")).ok
