@@ -65,10 +65,14 @@ class ZenohSection:
     tls: TlsFiles | None = None
 
     def __post_init__(self) -> None:
-        """Refuse unencrypted endpoints beyond this machine, and a client without a router."""
+        """Refuse malformed or exposed endpoints, and a client without a router."""
         if self.mode == "client" and not self.connect:
             raise ConfigError("zenoh.mode = 'client' without zenoh.connect", "a router's endpoint")
         for endpoint in (*self.connect, *self.listen):
+            if "/" not in endpoint:
+                raise ConfigError(
+                    f"zenoh endpoint {endpoint!r}", "PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447"
+                )
             if self.tls is None and is_encrypted(endpoint):
                 raise ConfigError(
                     f"zenoh endpoint {endpoint!r} without certificates",

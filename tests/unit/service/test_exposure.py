@@ -56,7 +56,7 @@ def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
     assert is_private_mavlink(url) is private
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/", ""])
+@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/"])
 @pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
 def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     with pytest.raises(ConfigError, match="allow_plaintext"):
@@ -65,6 +65,13 @@ def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     (line,) = exposure_warnings(config)
     assert "NOT ENCRYPTED" in line
     assert endpoint in line
+
+
+@pytest.mark.parametrize("endpoint", ["127.0.0.1:7447", ""])
+@pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
+def test_an_endpoint_needs_its_protocol(key, endpoint):
+    with pytest.raises(ConfigError, match=f"'{endpoint}'; expected PROTOCOL/HOST:PORT"):
+        load_config(None, {key: [endpoint]})
 
 
 @pytest.mark.parametrize("connect", [[], ["tcp/127.0.0.1:7447"], ["tls/drone.example:7447"]])
