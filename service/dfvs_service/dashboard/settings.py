@@ -63,7 +63,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
 
 def _tokens(arguments: Namespace) -> Tokens:
     viewer, operator = (
-        None if path is None else load_key(path)
+        None if path is None else load_key(path, "dfvs-dashboard new-token --token-file")
         for path in (arguments.viewer_token, arguments.operator_token)
     )
     return Tokens(viewer, operator, is_open=viewer is None and is_loopback_host(arguments.host))
