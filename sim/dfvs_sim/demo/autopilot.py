@@ -32,6 +32,10 @@ def check_autopilot(args: argparse.Namespace) -> None:
         require_range(args, 1, 250, "system_id")
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
+    for name in ("autopilot", "ground"):
+        url = getattr(args, name)
+        if url is not None and "://" not in url:
+            raise ConfigError(f"--{name} is {url!r}", "a MAVLink URL such as udpin://HOST:PORT")
     for name in ("estimate", "wind"):
         if args.autopilot is not None and getattr(args, name) is not None:
             raise ConfigError(f"--{name} beside --autopilot", "only one of them")
