@@ -13,7 +13,10 @@ BY_NETWORK = ("network", "fused")
 
 @dataclass(frozen=True, slots=True)
 class ServoConfig:
-    """How correspondences become a velocity. Lengths in m, angles in rad, pixels in px."""
+    """How correspondences become a velocity.
+
+    Lengths in m, angles in rad, pixels in px.
+    """
 
     law: Law = setting(
         "hybrid",

@@ -193,6 +193,12 @@ def settings():
     return {f"{section}.{key}" for section in keys for key in keys[section]} | set(keys)
 
 
+def test_every_section_of_the_settings_says_what_it_is_about():
+    sections = re.findall(r"^## [\w.]+\n\n(.*)$", hooks.settings(), re.MULTILINE)
+    assert len(sections) > 10
+    assert all(sections)
+
+
 def flat(table, where=""):
     for key, value in table.items():
         yield from flat(value, f"{where}{key}.") if isinstance(value, dict) else (where + key,)
