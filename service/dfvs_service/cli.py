@@ -39,6 +39,9 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.console import shows_colours
 from dfvs_service.supervisor.parent import fly, prepare_runtime
 
+_CHECK_S = 15.0
+"""Time for which the checks may take to pass, unless told otherwise."""
+
 _EXAMPLE = """\
 example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
   dfvs-service --goal goal.png --config service.toml
@@ -176,9 +179,8 @@ def _flight_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--check-timeout",
         type=float,
-        default=15.0,
         metavar="S",
-        help="wait so long for checks to pass (default: 15)",
+        help=f"wait so long for checks to pass (default: {_CHECK_S:g})",
     )
     parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
     parser.add_argument(
@@ -197,13 +199,18 @@ def _flight_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check_image(arguments: argparse.Namespace) -> None:
-    """Refuse an image that could not be written, before the check takes its time."""
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Refuse options of the check without it, and an image that could not be written."""
     path = arguments.image
+    for option, is_given in (
+        ("--image", path is not None),
+        ("--json", arguments.json),
+        ("--check-timeout", arguments.check_timeout is not None),
+    ):
+        if is_given and not arguments.check:
+            raise ConfigError(f"{option} without --check", "both, or neither")
     if path is None:
         return
-    if not arguments.check:
-        raise ConfigError("--image without --check", "both, or neither")
     if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
         raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
 
@@ -222,7 +229,7 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
-    _check_image(arguments)
+    _check_options(arguments)
     goal_paths = route_images(arguments.goal)
     if arguments.check:
         return _check(config, goal_paths, arguments)
@@ -259,7 +266,8 @@ def _check(config: ServiceConfig, goal_paths: Sequence[Path], arguments: argpars
         check_ports(config)
         with runtime_folder(arguments.runtime_dir) as runtime:
             show = None if arguments.image is None else drawn.append
-            report = check_everything(config, route, runtime, arguments.check_timeout, show=show)
+            timeout_s = _CHECK_S if arguments.check_timeout is None else arguments.check_timeout
+            report = check_everything(config, route, runtime, timeout_s, show=show)
     if drawn:
         write_atomic(arguments.image, encode_png(drawn[0]))
     elif arguments.image is not None:

@@ -68,6 +68,8 @@ FOV = ("--camera-fov", "70")
         (["--goal", "GOAL", *FOV, "--set", "gate.command_key_file=none"], ["new-key"]),
         (["--goal", "GOAL", *FOV, "--engage", "command"], ["command_key_file"]),
         (["--goal", "GOAL", "--image", "check.png"], ["--image without --check"]),
+        (["--goal", "GOAL", "--json"], ["--json without --check"]),
+        (["--goal", "GOAL", "--check-timeout", "5"], ["--check-timeout without --check"]),
         (["--goal", "GOAL", "--check", "--image", "check.jpg"], ["a .png in a folder that"]),
         (["--goal", "GOAL", "--check", "--image", "no/check.png"], ["a .png in a folder that"]),
     ],
