@@ -4,11 +4,11 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_options
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError, DfvsError
@@ -74,7 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         "teach": teach,
     }
     chosen = commands.get(words[0]) if words else None
-    return run_command(lambda: chosen(words[1:]) if chosen is not None else _fly(words))
+    if chosen is not None:
+        return run_command(lambda: chosen(words[1:]))
+    return run_command(lambda: _fly(words, commands))
 
 
 # --- settings ---------------------------------------------------------------------------------
@@ -215,7 +217,8 @@ def _check_options(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
 
 
-def _fly(words: Sequence[str]) -> int:
+def _fly(words: Sequence[str], commands: Iterable[str]) -> int:
+    require_options(words, commands)
     arguments = _flight_parser().parse_args(words)
     config = settings_from(
         arguments,

@@ -52,6 +52,7 @@ FOV = ("--camera-fov", "70")
         (["command", "goal", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--key-file", "none"], ["cannot read the key file"]),
+        (["flight"], ["no command 'flight'; expected options, or one of config, command,"]),
         (["--goal", "none.png"], ["No such file"]),
         (["--goal", "GOAL"], ["--camera-fov"]),
         (
