@@ -10,7 +10,7 @@ from dfvs_sim.options import require_range
 def add_autopilot_options(parser: Any) -> None:
     """Add ``--autopilot``, ``--ground`` and ``--system-id``."""
     add = parser.add_argument
-    add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
+    add("--autopilot", metavar="URL", help="MAVLink of a running simulated PX4; it is armed")
     add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
     add(
         "--system-id",
