@@ -130,7 +130,8 @@ class DepthSection:
     """Where depth by a network comes from; threads and provider are those of the flow network."""
 
     model: str = setting(
-        DEFAULT_DEPTH, "folder of a depth bundle, for servo.depth = 'network' and 'fused'"
+        DEFAULT_DEPTH,
+        "a shipped bundle's name or a bundle's folder, for servo.depth = 'network' and 'fused'",
     )
 
 
