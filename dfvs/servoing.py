@@ -50,7 +50,7 @@ class Servo:
         How the camera sits on a vehicle that stays level, such as a multirotor. Without it the
         camera is free to move in all six degrees of freedom.
     config : ServoConfig, optional
-        The defaults are those of the service, for a vehicle that follows a velocity 0.8 s late. A
+        The defaults are those of the service, for a vehicle that follows a velocity 0.65 s late. A
         camera that follows at once needs ``response_s=0.0, yaw_response_s=0.0``.
 
     Raises

@@ -86,14 +86,20 @@ def settings() -> str:
     from dfvs_service.settings.config import ServiceConfig
     from dfvs_service.settings.config_text import markdown_table
 
-    hints = typing.get_type_hints(ServiceConfig)
     lines = [_SETTINGS]
     rows = re.findall(r"^\| `([\w.]+)\.(\w+)` (.*)$", markdown_table(ServiceConfig()), re.MULTILINE)
     for section, group in itertools.groupby(rows, lambda row: row[0]):
-        about = (getattr(hints.get(section), "__doc__", "") or "").partition("\n")[0]
-        lines += ["", f"## {section}", "", about, *_HEAD]
+        lines += ["", f"## {section}", "", _about(ServiceConfig, section), *_HEAD]
         lines += [f"| `{key}` {rest}" for _, key, rest in group]
     return "\n".join(lines) + "\n"
+
+
+def _about(config: type, section: str) -> str:
+    """First line of the docstring of a section, such as ``camera.mount``."""
+    for name in section.split("."):
+        hint = typing.get_type_hints(config)[name]
+        config = next((each for each in typing.get_args(hint) if each is not type(None)), hint)
+    return (config.__doc__ or "").partition("\n")[0]
 
 
 def _cell(text: str) -> str:

@@ -2,7 +2,7 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,20 @@ def program_parser(prog: str, description: str, epilog: str) -> argparse.Argumen
         help="print the version and exit",
     )
     return parser
+
+
+def require_options(words: Sequence[str], commands: Iterable[str]) -> None:
+    """Refuse a first word that is no option, and none of a program's commands.
+
+    Raises
+    ------
+    ConfigError
+        Naming the commands.
+    """
+    if words and not words[0].startswith("-"):
+        raise ConfigError(
+            f"there is no command {words[0]!r}", f"options, or one of {', '.join(commands)}"
+        )
 
 
 def parse_size(text: str, option: str = "--size") -> tuple[int, int]:

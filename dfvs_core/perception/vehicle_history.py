@@ -14,6 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import euler_from_rotation, make_pose, rotation_from_euler, wrap_angle
 from dfvs_core.messages.link import VehicleState
@@ -73,6 +74,11 @@ class Motion:
     ) -> Motion:
         """Motion of a body from its pose (4, 4) and velocity (3,) m/s, both in the world.
 
+        Raises
+        ------
+        GeometryError
+            If they have other shapes.
+
         Examples
         --------
         >>> import numpy as np
@@ -80,6 +86,9 @@ class Motion:
         >>> motion.yaw_rad, motion.level_velocity().tolist()
         (0.0, [0.1, 0.0, 0.0, 0.0])
         """
+        shapes = np.shape(T_world_body), np.shape(velocity_m_s)
+        if shapes != ((4, 4), (3,)):
+            raise GeometryError(f"pose and velocity of shapes {shapes}", "(4, 4) and (3,)")
         attitude = euler_from_rotation(T_world_body[:3, :3])
         return cls(t_ns, *attitude, velocity_m_s, T_world_body[:3, 3], yaw_rate_rad_s)
 

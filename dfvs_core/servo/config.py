@@ -1,6 +1,7 @@
 """Settings of the servo law."""
 
 from dataclasses import dataclass
+from math import radians
 from typing import Literal
 
 from dfvs_core.messages.schema import setting
@@ -13,7 +14,10 @@ BY_NETWORK = ("network", "fused")
 
 @dataclass(frozen=True, slots=True)
 class ServoConfig:
-    """How correspondences become a velocity. Lengths in m, angles in rad, pixels in px."""
+    """How correspondences become a velocity.
+
+    Lengths in m, angles in rad, pixels in px.
+    """
 
     law: Law = setting(
         "hybrid",
@@ -48,9 +52,13 @@ class ServoConfig:
     )
     max_horizontal_m_s: float = setting(0.5, "speed limit of the law", low=0.01, high=10.0)
     max_vertical_m_s: float = setting(0.3, "speed limit of the law", low=0.01, high=10.0)
-    max_turn_rad_s: float = setting(0.349, "turn rate limit of the law", low=0.01, high=3.0)
+    max_turn_rad_s: float = setting(
+        radians(20.0), "turn rate limit of the law", low=radians(0.5), high=radians(180.0)
+    )
     tolerance_m: float = setting(0.02, "goal reached below this distance, m", low=1e-4, high=10.0)
-    tolerance_rad: float = setting(0.0087, "goal reached below this angle", low=1e-4, high=3.0)
+    tolerance_rad: float = setting(
+        radians(0.5), "goal reached below this angle", low=radians(0.005), high=radians(180.0)
+    )
     tolerance_px: float = setting(
         2.0, "goal reached only if the median residual is below this, px", low=0.05, high=100.0
     )

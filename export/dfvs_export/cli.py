@@ -49,7 +49,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = program_parser("dfvs-export", __doc__, _EXAMPLES)
+    parser = program_parser(
+        "dfvs-export", "Make, convert, check and measure model bundles.", _EXAMPLES
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     add_train(commands)
     add_train_depth(commands)
@@ -73,7 +75,11 @@ def _deferred(module: str, name: str) -> Callable[[argparse.Namespace], int]:
 
 
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    flow = commands.add_parser("flow", help="make a bundle of a flow network")
+    flow = commands.add_parser(
+        "flow",
+        help="make a bundle of a flow network",
+        description="Make a bundle of dfvs-flow, or of a network of ptlflow.",
+    )
     _add_network(flow)
     flow.add_argument(
         "--size", metavar="WxH", help="(default: 640x480 for dfvs-flow, 320x240 for others)"
@@ -202,7 +208,11 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    bench = commands.add_parser("bench", help="time bundles side by side")
+    bench = commands.add_parser(
+        "bench",
+        help="time bundles side by side",
+        description="Time bundles side by side, each in a process of its own.",
+    )
     bench.add_argument("bundles", nargs="+", metavar="BUNDLE", help="folder, or dfvs-flow")
     bench.add_argument("--size", default="320x240", metavar="WxH")
     bench.add_argument("--threads", type=int, default=2)

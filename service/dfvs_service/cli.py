@@ -4,11 +4,11 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_options
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError, DfvsError
@@ -38,6 +38,9 @@ from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.console import shows_colours
 from dfvs_service.supervisor.parent import fly, prepare_runtime
+
+_CHECK_S = 15.0
+"""Time for which the checks may take to pass, unless told otherwise."""
 
 _EXAMPLE = """\
 example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
@@ -71,7 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         "teach": teach,
     }
     chosen = commands.get(words[0]) if words else None
-    return run_command(lambda: chosen(words[1:]) if chosen is not None else _fly(words))
+    if chosen is not None:
+        return run_command(lambda: chosen(words[1:]))
+    return run_command(lambda: _fly(words, commands))
 
 
 # --- settings ---------------------------------------------------------------------------------
@@ -176,9 +181,8 @@ def _flight_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--check-timeout",
         type=float,
-        default=15.0,
         metavar="S",
-        help="wait so long for checks to pass (default: 15)",
+        help=f"wait so long for checks to pass (default: {_CHECK_S:g})",
     )
     parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
     parser.add_argument(
@@ -197,18 +201,24 @@ def _flight_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check_image(arguments: argparse.Namespace) -> None:
-    """Refuse an image that could not be written, before the check takes its time."""
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Refuse options of the check without it, and an image that could not be written."""
     path = arguments.image
+    for option, is_given in (
+        ("--image", path is not None),
+        ("--json", arguments.json),
+        ("--check-timeout", arguments.check_timeout is not None),
+    ):
+        if is_given and not arguments.check:
+            raise ConfigError(f"{option} without --check", "both, or neither")
     if path is None:
         return
-    if not arguments.check:
-        raise ConfigError("--image without --check", "both, or neither")
     if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
         raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
 
 
-def _fly(words: Sequence[str]) -> int:
+def _fly(words: Sequence[str], commands: Iterable[str]) -> int:
+    require_options(words, commands)
     arguments = _flight_parser().parse_args(words)
     config = settings_from(
         arguments,
@@ -222,7 +232,7 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
-    _check_image(arguments)
+    _check_options(arguments)
     goal_paths = route_images(arguments.goal)
     if arguments.check:
         return _check(config, goal_paths, arguments)
@@ -260,7 +270,8 @@ def _check(config: ServiceConfig, goal_paths: Sequence[Path], arguments: argpars
         check_ports(config)
         with runtime_folder(arguments.runtime_dir) as runtime:
             show = None if arguments.image is None else drawn.append
-            report = check_everything(config, route, runtime, arguments.check_timeout, show=show)
+            timeout_s = _CHECK_S if arguments.check_timeout is None else arguments.check_timeout
+            report = check_everything(config, route, runtime, timeout_s, show=show)
     if drawn:
         write_atomic(arguments.image, encode_png(drawn[0]))
     elif arguments.image is not None:

@@ -54,8 +54,8 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
             raise _unreachable(config, error.problem) from error
         require_free_zenoh_ports(config)
         raise ConfigError(
-            error.problem,
-            "a free listen endpoint"
+            f"{error.problem} ({', '.join((*config.connect, *listen))})",
+            "a free listen endpoint, such as tcp/127.0.0.1:7447"
             + (", and a key that fits its certificate" if config.tls else ""),
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error

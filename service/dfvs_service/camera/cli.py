@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 
+from dfvs_common.command_line import require_options
 from dfvs_common.lifecycle import run_command
 
 
@@ -21,6 +22,7 @@ def _run(words: Sequence[str]) -> int:
             from dfvs_service.camera.goal import run as take_goal
 
             return take_goal(options)
+    require_options(words, ("board", "calibrate", "goal"))
     from dfvs_service.camera.publish import run as publish
 
     return publish(words)

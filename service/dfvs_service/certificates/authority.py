@@ -178,6 +178,12 @@ def has_expired(certificate: x509.Certificate) -> bool:
     return certificate.not_valid_after_utc <= datetime.datetime.now(datetime.UTC)
 
 
+def is_for_host(certificate: x509.Certificate, host: str) -> bool:
+    """Whether a certificate names a machine; see :func:`host_name`."""
+    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    return host_name(host) in names
+
+
 def read_authority(folder: Path) -> Credentials:
     """Authority that an earlier run made.
 

@@ -48,14 +48,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
     parser.add_argument(
-        "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"
+        "--vehicle",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="may be repeated (default: drone1)",
     )
     parser.add_argument(
         "--host",
         action="append",
         default=[],
         metavar="NAME",
-        help="name or address at which router or service is reached; may be repeated",
+        help="name or address at which router or service is reached, beside localhost and "
+        "127.0.0.1; may be repeated",
     )
     parser.add_argument("--days", type=int, default=365, help="validity (default: 365)")
     parser.add_argument(

@@ -16,6 +16,7 @@ from dfvs_service.certificates.authority import (
     Validity,
     has_expired,
     host_name,
+    is_for_host,
     make_authority,
     make_certificate,
     read_authority,
@@ -63,10 +64,10 @@ def make_everything(arguments: argparse.Namespace) -> None:
     for role in Role:
         for vehicle in vehicles if role is not Role.ROUTER else vehicles[:1]:
             name = certificate_name(role, vehicle)
-            if (out / name).exists():
-                _report_kept(out / name)
-                continue
             listens = hosts if role in (Role.ROUTER, Role.SERVICE) else ()
+            if (out / name).exists():
+                _report_kept(out / name, listens)
+                continue
             credentials = make_certificate(authority, name, listens, validity)
             write_credentials(out / name, credentials, authority)
             print(f"wrote {out / name}")
@@ -76,10 +77,14 @@ def make_everything(arguments: argparse.Namespace) -> None:
     _write_router_file(out / _ROUTER_FILE, document)
 
 
-def _report_kept(folder: Path) -> None:
-    """Tell of a certificate that stays as it is, and of one that is no longer good."""
-    is_old = has_expired(read_certificate(folder / "certificate.pem"))
-    print(f"kept  {folder}" + (", which has expired: move it away to renew it" if is_old else ""))
+def _report_kept(folder: Path, hosts: tuple[str, ...]) -> None:
+    """Tell of a certificate that stays as it is, and of one that is not good, or not for a host."""
+    certificate = read_certificate(folder / "certificate.pem")
+    missing = [host for host in hosts if not is_for_host(certificate, host)]
+    faults = ["has expired"] if has_expired(certificate) else []
+    faults += [f"is not for {', '.join(missing)}"] if missing else []
+    told = f", which {' and '.join(faults)}: move it away to renew it" if faults else ""
+    print(f"kept  {folder}{told}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,9 +63,15 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
 
 def _tokens(arguments: Namespace) -> Tokens:
     viewer, operator = (
-        None if path is None else load_key(path)
+        None if path is None else load_key(path, "dfvs-dashboard new-token --token-file")
         for path in (arguments.viewer_token, arguments.operator_token)
     )
+    if viewer is not None and viewer == operator:
+        raise ConfigError(
+            "--viewer-token and --operator-token hold the same token: viewers could command",
+            "two tokens",
+            "make one with: dfvs-dashboard new-token --token-file FILE",
+        )
     return Tokens(viewer, operator, is_open=viewer is None and is_loopback_host(arguments.host))
 
 

@@ -86,6 +86,15 @@ def wait_for_device(
         sleep(_POLL_S)
 
 
+def device_fault(path: Path) -> SerialDeviceError | None:
+    """Why a device cannot be used at present, if it is missing or forbidden; opens nothing."""
+    if not path.exists():
+        return _unusable(path, 0.0, FileNotFoundError())
+    if not os.access(path, os.R_OK | os.W_OK):
+        return _unusable(path, 0.0, PermissionError(errno.EACCES, ""))
+    return None
+
+
 def _unusable(path: Path, timeout_s: float, error: OSError) -> SerialDeviceError:
     if error.errno in _TAKEN:
         return SerialDeviceError(
@@ -93,8 +102,9 @@ def _unusable(path: Path, timeout_s: float, error: OSError) -> SerialDeviceError
             remedy="end it, or name another device: --mavlink",
         )
     if isinstance(error, FileNotFoundError):
+        waited = f" within {timeout_s:g} s" if timeout_s else ""
         return SerialDeviceError(
-            f"there is no serial device {path} within {timeout_s:g} s",
+            f"there is no serial device {path}{waited}",
             "one that is plugged in",
             "check vehicle.mavlink; `ls /dev/serial/by-id` lists the USB devices",
         )

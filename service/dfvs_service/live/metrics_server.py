@@ -41,7 +41,9 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
         server, thread = start_http_server(port, address, registry)
     except (OSError, OverflowError) as error:
         raise ConfigError(
-            f"cannot serve on {address}:{port} ({error})", "a free port", "try --port"
+            f"cannot serve on {address}:{port} ({error})",
+            "an address of this machine and a free port",
+            "try --address or --port",
         ) from error
     log(f"serving http://{address}:{server.server_port}/metrics")
     section, topics = operators_zenoh(config.zenoh), Topics(config.vehicle.name)

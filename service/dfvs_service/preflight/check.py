@@ -18,6 +18,7 @@ from dfvs_service.perception.working_size import with_working_size
 from dfvs_service.preflight.calibration import camera_checks
 from dfvs_service.preflight.ground import (
     command_check,
+    device_check,
     error_check,
     model_check,
     speed_check,
@@ -87,7 +88,8 @@ def check_everything(
 
 
 def _settings_checks(config: ServiceConfig) -> tuple[Check, ...]:
-    return (*exposure_checks(config), command_check(config))
+    zenoh, mavlink = exposure_checks(config)
+    return (zenoh, device_check(config) or mavlink, command_check(config))
 
 
 def _watch(

@@ -16,7 +16,7 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 _EXAMPLE = """\
 example, beside a running dfvs-service:
   dfvs-record --out flights
-  dfvs-record --out flights --vehicle drone2 --set zenoh.listen='["tcp/192.168.1.7:7447"]'
+  dfvs-record --out flights --vehicle drone2 --set zenoh.listen='["tcp/127.0.0.1:7448"]'
 
 after a crash:
   dfvs-record recover flights/drone1-20260102T101112Z-000.mcap

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.replay import Replay, replay
 
@@ -16,6 +16,7 @@ example: dfvs-service replay-gate runs/gate-inputs.jsonl
 
 exit code: 0 the gate says the same again, 1 it does not, 2 the file is no journal
 """
+_EXPECTED = "the gate-inputs.jsonl of a flight"
 
 
 def replay_gate(words: Sequence[str]) -> int:
@@ -39,9 +40,13 @@ def replay_gate(words: Sequence[str]) -> int:
         with arguments.journal.open(encoding="utf-8") as lines:
             result = replay(lines)
     except OSError as error:
-        raise ConfigError(f"cannot read {arguments.journal} ({error.strerror})") from error
+        problem = f"cannot read {arguments.journal} ({error.strerror})"
+        raise ConfigError(problem, _EXPECTED) from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{arguments.journal} is no journal of the gate ({error})") from error
+        raise ConfigError(f"{arguments.journal} cannot be used: {error}", _EXPECTED) from error
+    except WireError as error:
+        problem = f"{arguments.journal} cannot be used: {error.problem}"
+        raise ConfigError(problem, error.expected or _EXPECTED) from error
     print(json.dumps(dataclasses.asdict(result)) if arguments.json else _as_text(result))
     return EXIT_FAILED if result.difference else EXIT_OK
 

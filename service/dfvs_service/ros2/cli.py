@@ -59,16 +59,17 @@ def _relay(arguments: argparse.Namespace) -> int:
     from dfvs_service.zenoh_session import open_persistently
 
     vehicle_namespace(config.vehicle.name)
-    typestore()  # both are refused before any link is waited for
+    typestore()
+    ros_zenoh = None if arguments.ros is None else operators_zenoh(config.zenoh, arguments.ros)
+    # All of this is refused before any link is waited for.
     link: Ros2Link = arguments.link
     with contextlib.ExitStack() as stack:
         service = open_persistently(operators_zenoh(config.zenoh), stop.is_set, _log)
         if service is None:
             return EXIT_OK
         ros = stack.enter_context(service)
-        if arguments.ros is not None:
-            section = operators_zenoh(config.zenoh, arguments.ros)
-            other = open_persistently(section, stop.is_set, _log)
+        if ros_zenoh is not None:
+            other = open_persistently(ros_zenoh, stop.is_set, _log)
             if other is None:
                 return EXIT_OK
             ros = stack.enter_context(other)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from math import radians
 from typing import Literal
 
 from dfvs_core.errors import ConfigError
@@ -37,7 +38,7 @@ class CameraSection:
     width: int | None = setting(None, "width of the frames, px", low=16, high=8192)
     height: int | None = setting(None, "height of the frames, px", low=16, high=8192)
     horizontal_fov_rad: float | None = setting(
-        None, "horizontal field of view of a pinhole camera", low=0.05, high=3.1
+        None, "horizontal field of view of a pinhole camera", low=radians(3), high=radians(177)
     )
     fx: float | None = setting(None, "focal length, px", low=1.0)
     fy: float | None = setting(None, "focal length, px", low=1.0)

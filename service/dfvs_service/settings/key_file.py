@@ -10,10 +10,13 @@ from dfvs_core.gate.commands.command import MIN_KEY_BYTES
 
 _NEW_KEY_BYTES = 32
 _MAX_KEY_BYTES = 4096
+_MAKE_KEY = "dfvs-service command new-key --key-file"
 
 
-def load_key(path: Path) -> bytes:
+def load_key(path: Path, make: str = _MAKE_KEY) -> bytes:
     """Secret key: the file's bytes without surrounding white space.
+
+    ``make`` is the command that makes such a file.
 
     Raises
     ------
@@ -28,7 +31,7 @@ def load_key(path: Path) -> bytes:
         raise ConfigError(
             f"cannot read the key file {path} ({error.strerror})",
             "a file with the secret key",
-            f"make one with: dfvs-service command new-key --key-file {path}",
+            f"make one with: {make} {path}",
         ) from error
     if len(key) < MIN_KEY_BYTES:
         raise ConfigError(

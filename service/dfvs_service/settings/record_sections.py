@@ -44,7 +44,7 @@ class RecordSection:
 
 @dataclass(frozen=True, slots=True)
 class BlackBoxSection:
-    """Records of every flight, always on; see docs/how-to/recording.md."""
+    """Records of every flight; see docs/how-to/recording.md."""
 
     enabled: bool = setting(True, "false: flights leave no records")
     folder: str = setting(

@@ -14,6 +14,9 @@ from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.settings.endpoints import here, is_private
 
 _WORKING_WIDTHS_PX = (64, 1920)
+_MAVLINK_SCHEMES = frozenset(
+    ["udp", "udpin", "udpout", "tcp", "tcpin", "tcpout", "serial", "serial_flowcontrol", "raw"]
+)
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
 
@@ -37,8 +40,14 @@ class VehicleSection:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a name that no Zenoh key can hold."""
+        """Refuse a name that no Zenoh key can hold, and a connection that MAVSDK does not know."""
         Topics(self.name)
+        scheme, is_url, _ = self.mavlink.partition("://")
+        if not is_url or scheme not in _MAVLINK_SCHEMES:
+            raise ConfigError(
+                f"vehicle.mavlink = {self.mavlink!r}",
+                "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +65,14 @@ class ZenohSection:
     tls: TlsFiles | None = None
 
     def __post_init__(self) -> None:
-        """Refuse unencrypted endpoints beyond this machine, and a client without a router."""
+        """Refuse malformed or exposed endpoints, and a client without a router."""
         if self.mode == "client" and not self.connect:
             raise ConfigError("zenoh.mode = 'client' without zenoh.connect", "a router's endpoint")
         for endpoint in (*self.connect, *self.listen):
+            if "/" not in endpoint:
+                raise ConfigError(
+                    f"zenoh endpoint {endpoint!r}", "PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447"
+                )
             if self.tls is None and is_encrypted(endpoint):
                 raise ConfigError(
                     f"zenoh endpoint {endpoint!r} without certificates",
@@ -117,7 +130,8 @@ class DepthSection:
     """Where depth by a network comes from; threads and provider are those of the flow network."""
 
     model: str = setting(
-        DEFAULT_DEPTH, "folder of a depth bundle, for servo.depth = 'network' and 'fused'"
+        DEFAULT_DEPTH,
+        "a shipped bundle's name or a bundle's folder, for servo.depth = 'network' and 'fused'",
     )
 
 

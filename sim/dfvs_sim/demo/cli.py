@@ -9,6 +9,7 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser, require_file
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
+from dfvs_core.messages.topics import Topics
 from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.fleet import MOST_VEHICLES
@@ -104,7 +105,8 @@ def _parser() -> argparse.ArgumentParser:
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be flown, and settle what other options decide."""
     require_range(args, 1, MOST_VEHICLES, "vehicles")
-    require_range(args, 1, None, "runs")
+    require_range(args, 1, None, "runs", "timeout", "ready")
+    Topics(args.name)
     if args.rate is None:
         args.rate = SHARED_RATE_HZ if is_shared(args.vehicles) else RATE_HZ
     if not 0.1 <= args.rate <= 240:

@@ -119,6 +119,20 @@ class PoseTracker:
         while self.newest_ns() is None:
             self._await(_TRUTH, timeout_s, time.monotonic_ns())
 
+    def require_truth(self) -> None:
+        """Refuse a vehicle that is not known to be a simulated one.
+
+        Raises
+        ------
+        LinkError
+            If it sends no true pose.
+        """
+        if self._truth is None:
+            raise LinkError(
+                f"the vehicle sends no true pose ({_TRUTH}), and may be a real one",
+                "a simulated vehicle, since it would be armed and flown",
+            )
+
     def follow_truth(self, origin: LocalOrigin) -> None:
         """Take the poses from HIL_STATE_QUATERNION from now on, in the frame of that origin."""
         with self._lock:

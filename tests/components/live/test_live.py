@@ -134,3 +134,9 @@ def test_a_port_that_is_taken_is_one_clear_line(cli, refused):
         taken.listen()
         port = taken.getsockname()[1]
         assert f"127.0.0.1:{port}" in refused(cli.main, "--port", port)
+
+
+def test_an_address_of_no_machine_is_one_clear_line(refused):
+    assert "expected an address of this machine" in refused(
+        metrics_cli.main, "--address", "192.0.2.1", "--port", "0"
+    )

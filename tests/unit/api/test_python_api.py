@@ -163,6 +163,12 @@ def test_odometry_that_is_not_finite_is_refused_and_not_remembered(matcher, wall
     assert servo.step(view, PERIOD_NS, rest).status is dfvs.Status.OK
 
 
+@pytest.mark.parametrize("shapes", [((3, 3), 3), ((4, 4), 2), ((4, 4), (3, 1))])
+def test_a_motion_of_other_shapes_is_refused(shapes):
+    with pytest.raises(dfvs.DfvsError, match=r"expected \(4, 4\) and \(3,\)"):
+        dfvs.Motion.from_pose(*map(np.zeros, shapes))
+
+
 @pytest.mark.parametrize("depth", ["given", "network"])
 def test_a_depth_that_is_not_available_is_refused(depth, matcher, wall):
     with pytest.raises(ConfigError, match=depth):

@@ -200,6 +200,13 @@ def test_a_board_has_no_more_markers_than_its_dictionary(columns, rows, is_made,
         assert "54 markers" in refused(cli.main, *words, tmp_path / "board.png")
 
 
+def test_a_board_is_a_png(tmp_path, refused):
+    path = tmp_path / "board.pdf"
+    words = ("board", "--board", BOARDS["charuco"], "--out", path)
+    assert "board.pdf'; expected a name that ends in .png" in refused(cli.main, *words)
+    assert not path.exists()
+
+
 def test_a_printed_board_is_found_again(tmp_path, capsys):
     path = tmp_path / "board.png"
     assert (

@@ -24,3 +24,8 @@ def test_every_command_helps_with_an_example(main, words, capsys):
         main([*words, "--help"])
     assert end.value.code == 0
     assert "example" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("main", "word"), [(camera.main, "calib"), (service.main, "check")])
+def test_a_word_that_is_no_command_is_named(main, word, refused):
+    assert f"there is no command '{word}'" in refused(main, word)

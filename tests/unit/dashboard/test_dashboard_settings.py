@@ -103,6 +103,16 @@ def test_a_port_that_is_taken_is_said_before_anything_starts(refused):
     assert "choose another one with --port" in error
 
 
+def test_viewers_do_not_have_the_operator_s_token(token, refusal):
+    assert "viewers could command" in refusal("--viewer-token", token, "--operator-token", token)
+
+
+@pytest.mark.parametrize("option", ["--viewer-token", "--operator-token"])
+def test_a_token_that_is_missing_is_made_by_the_dashboard_s_own_command(tmp_path, refusal, option):
+    path = str(tmp_path / "none")
+    assert f"dfvs-dashboard new-token --token-file {path}" in refusal(option, path)
+
+
 def test_a_new_token_is_a_private_file(tmp_path, capfd, refused):
     path = tmp_path / "fresh"
     words = ["new-token", "--token-file", str(path)]

@@ -19,6 +19,7 @@ from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import VehiclePose
+from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -80,6 +81,22 @@ def test_a_hover_that_is_not_known_is_an_error(flight: Flight) -> None:
     vehicle: Any = Vehicle(GROUND, None)
     with pytest.raises(FlightError, match="pose is not known"):
         flight.take_off(vehicle, vehicle)
+
+
+def test_a_vehicle_that_may_be_a_real_one_is_neither_landed_nor_armed(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class WithoutTruth:
+        def start(self, _timeout_s: float) -> None: ...
+
+        def require_truth(self) -> None:
+            raise LinkError("no true pose")
+
+    tracker: Any = WithoutTruth()
+    pilot: Any = None  # is asked for nothing
+    monkeypatch.setattr(flight, "_options", FlightOptions(autopilot="udpin://127.0.0.1:14540"))
+    with pytest.raises(LinkError):
+        flight._await_vehicle(pilot, tracker)
 
 
 def test_a_vehicle_that_refuses_hold_at_the_end_loses_no_flight(

@@ -15,6 +15,7 @@ from dfvs_core.gate.states import TRANSITIONS
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.topics import Topics
 from dfvs_core.servo.exchange import Status
+from dfvs_service.settings.config import load_config, parse_assignment
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -176,6 +177,13 @@ def test_every_option_in_the_blocks_of_code_is_known_to_its_command(helps):
     assert count > 100
 
 
+def test_the_settings_in_the_examples_of_the_helps_are_accepted(helps):
+    words = [w for told in helps.values() for w in re.findall(r"--set ([a-z]\S+)", told)]
+    assert words
+    for word in words:
+        load_config(None, dict([parse_assignment(word.replace("'", ""))]))
+
+
 @pytest.fixture(scope="module")
 def settings():
     """Every setting and section, as ``section.key``."""
@@ -183,6 +191,12 @@ def settings():
     tables = dict(zip(parts[::2], parts[1::2], strict=True))
     keys = {s: re.findall(r"^\| `(\w+)` \|", t, re.MULTILINE) for s, t in tables.items()}
     return {f"{section}.{key}" for section in keys for key in keys[section]} | set(keys)
+
+
+def test_every_section_of_the_settings_says_what_it_is_about():
+    sections = re.findall(r"^## [\w.]+\n\n(.*)$", hooks.settings(), re.MULTILINE)
+    assert len(sections) > 10
+    assert all(sections)
 
 
 def flat(table, where=""):

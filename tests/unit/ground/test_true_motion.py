@@ -167,11 +167,14 @@ def test_without_the_truth_the_poses_are_the_estimate(sent: bool) -> None:
     e, pose = vehicle.px4.flight.estimate, newest(tracker)
     # a sample is up to 20 ms old, and moves at up to 0.5 m/s
     assert pose.position_m == pytest.approx((e.north_m, e.east_m, e.down_m), abs=0.015)
+    with pytest.raises(LinkError, match="may be a real one"):
+        tracker.require_truth()
 
 
 def test_without_an_origin_the_estimated_position_places_the_truth() -> None:
     vehicle = hovering()
     tracker, link = tracked(vehicle, lost=["GPS_GLOBAL_ORIGIN"])
+    tracker.require_truth()
     link.run(2.0)
     assert newest(tracker).position_m == pytest.approx(true_position(vehicle), abs=0.015)
 

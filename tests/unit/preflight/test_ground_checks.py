@@ -20,6 +20,7 @@ from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
     MATCH_BUDGET_NS,
     command_check,
+    device_check,
     error_check,
     model_check,
     speed_check,
@@ -178,6 +179,17 @@ def test_a_model_that_fails_at_work_is_a_cross():
         "it gives NaN",
         "expected numbers; use another one",
     )
+
+
+def test_a_serial_device_that_is_missing_is_named(tmp_path):
+    device = tmp_path / "ttyACM0"
+    settings = config(vehicle__mavlink=f"serial://{device}:921600")
+    check = device_check(settings)
+    assert check.detail == f"there is no serial device {device}"
+    assert check.refuses
+    device.touch()
+    assert device_check(settings) is None
+    assert device_check(config()) is None
 
 
 def test_engaging_by_command_needs_a_key_that_is_private(tmp_path):

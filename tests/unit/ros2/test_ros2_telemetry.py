@@ -88,6 +88,11 @@ def test_a_vehicle_whose_name_ros_2_does_not_allow_is_refused_at_the_start(refus
     assert "vehicle name '7' with ROS 2; expected a name that begins with a letter" in error
 
 
+@pytest.mark.timeout(10)
+def test_an_endpoint_of_ros_is_judged_before_any_link_is_waited_for(refused):
+    assert "'10.0.0.1:7448'; expected PROTOCOL" in refused(main, "--ros", "10.0.0.1:7448")
+
+
 def test_telemetry_goes_to_the_ros_domain_of_the_settings(monkeypatch, refused):
     def relay(_vehicle, _sessions, _link, domain):
         raise ConfigError(f"domain {domain}")

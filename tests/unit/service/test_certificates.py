@@ -131,6 +131,18 @@ def test_a_certificate_that_is_kept_tells_that_it_has_expired(tmp_path, capsys):
     assert "expired" in line
 
 
+def test_a_certificate_that_is_kept_tells_which_host_it_lacks(tmp_path, capsys):
+    assert main(["--out", str(tmp_path), "--host", "10.0.0.1"]) == 0
+    capsys.readouterr()
+    assert main(["--out", str(tmp_path), "--host", "10.0.0.1", "--host", "ground.local"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "is not for" in line]
+    assert [Path(line.split()[1].rstrip(",")).name for line in lines] == [
+        "router",
+        "service.drone1",
+    ]
+    assert all("is not for ground.local: move it away" in line for line in lines)
+
+
 def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, refused):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     assert "pip install 'dfvs[deploy]'" in refused(main, "--out", tmp_path / "none")

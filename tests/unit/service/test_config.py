@@ -54,6 +54,11 @@ def test_the_command_line_wins_over_the_file(tmp_path):
         ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "float"]),
         ("[gate]\nengage = 'aut'\n", ["did you mean 'auto'"]),
         ("[vehicle]\nname = 'My Drone'\n", ["'My Drone'"]),
+        (
+            "[vehicle]\nmavlink = '/dev/ttyACM0'\n",
+            ["vehicle.mavlink = '/dev/ttyACM0'", "serial://"],
+        ),
+        ("[vehicle]\nmavlink = 'tty://x'\n", ["vehicle.mavlink = 'tty://x'", "udpin://"]),
         ("gate = 3\n", ["gate is 3", "a table"]),
         ("[gate\n", ["is not TOML"]),
         ("[gate]\nmin_frame_hz = 4\n", ["gate.min_frame_hz", "expected 5 to 60"]),

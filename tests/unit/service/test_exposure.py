@@ -62,7 +62,7 @@ def assert_advises(check):
     assert check.remedy
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/", ""])
+@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/"])
 @pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
 def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     with pytest.raises(ConfigError, match="allow_plaintext"):
@@ -72,6 +72,13 @@ def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     assert f"{endpoint} NOT ENCRYPTED" in zenoh.detail
     assert_advises(zenoh)
     assert mavlink.ok
+
+
+@pytest.mark.parametrize("endpoint", ["127.0.0.1:7447", ""])
+@pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
+def test_an_endpoint_needs_its_protocol(key, endpoint):
+    with pytest.raises(ConfigError, match=f"'{endpoint}'; expected PROTOCOL/HOST:PORT"):
+        load_config(None, {key: [endpoint]})
 
 
 @pytest.mark.parametrize("connect", [[], ["tcp/127.0.0.1:7447"], ["tls/drone.example:7447"]])

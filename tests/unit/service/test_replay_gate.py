@@ -58,7 +58,9 @@ def test_what_is_no_journal_is_said_in_one_line(content, tmp_path, refused):
     path = tmp_path / "journal"
     if content is not None:
         path.write_bytes(content)
-    refused(main, "replay-gate", path)
+    line = refused(main, "replay-gate", path)
+    assert str(path) in line
+    assert "; expected the gate-inputs.jsonl of a flight" in line
 
 
 def test_a_full_disk_ends_the_journal_and_stops_nobody():

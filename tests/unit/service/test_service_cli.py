@@ -52,6 +52,7 @@ FOV = ("--camera-fov", "70")
         (["command", "goal", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--key-file", "none"], ["cannot read the key file"]),
+        (["flight"], ["no command 'flight'; expected options, or one of config, command,"]),
         (["--goal", "none.png"], ["No such file"]),
         (["--goal", "GOAL"], ["--camera-fov"]),
         (
@@ -68,6 +69,8 @@ FOV = ("--camera-fov", "70")
         (["--goal", "GOAL", *FOV, "--set", "gate.command_key_file=none"], ["new-key"]),
         (["--goal", "GOAL", *FOV, "--engage", "command"], ["command_key_file"]),
         (["--goal", "GOAL", "--image", "check.png"], ["--image without --check"]),
+        (["--goal", "GOAL", "--json"], ["--json without --check"]),
+        (["--goal", "GOAL", "--check-timeout", "5"], ["--check-timeout without --check"]),
         (["--goal", "GOAL", "--check", "--image", "check.jpg"], ["a .png in a folder that"]),
         (["--goal", "GOAL", "--check", "--image", "no/check.png"], ["a .png in a folder that"]),
     ],

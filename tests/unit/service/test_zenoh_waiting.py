@@ -67,6 +67,14 @@ def test_waiting_ends_with_the_error_where_the_time_is_up():
         open_within(section, 0.0, lambda: False)
 
 
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:99999", "tcp/127.0.0.1"])
+def test_an_endpoint_that_is_none_is_named(endpoint):
+    with pytest.raises(ConfigError) as error:
+        open_session(ZenohSection(listen=(endpoint,)))
+    assert f"({endpoint})" in error.value.problem
+    assert "tcp/127.0.0.1:7447" in error.value.expected
+
+
 def test_a_peer_is_not_tried_again():
     with pytest.raises(ConfigError):
         open_persistently(ZenohSection("peer", (), ("tcp/999.0.0.1:1",)), lambda: False, print)

@@ -37,7 +37,7 @@ _EPILOG = """\
 examples:
   dfvs-camera board --board charuco:7x5:0.04:0.03 --out board.png       print it, glue it flat
   dfvs-camera calibrate --board charuco:7x5:0.04:0.03 --source 0 --size 640x480 --out camera.toml
-  dfvs-camera calibrate --board chessboard:9x6:0.025 --source pictures/ --out camera.toml
+  dfvs-camera calibrate --board chessboard:9x6:0.025 --source images/ --out camera.toml
 
 It writes camera.toml (for the service's settings), camera.json (report) and camera.png (coverage
 and every image's error). From a live source, images are taken by themselves whenever the board
@@ -65,13 +65,15 @@ def run_board(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="dfvs-camera board",
         description="Draw a calibration board, ready to be printed at its true size.",
-        epilog="example: dfvs-camera board --board charuco:7x5:0.04:0.03 --dpi 300 --out board.png",
+        epilog="example: dfvs-camera board --board charuco:7x5:0.04:0.03 --out board.png",
     )
     _board_option(parser)
     parser.add_argument("--dpi", type=int, default=300, help="of the printer (default: 300)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
     arguments = parser.parse_args(words)
     board = Board(parse_board(arguments.board))
+    if arguments.out.suffix != ".png":
+        raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .png")
     if not 50 <= arguments.dpi <= 1200:
         raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)

@@ -171,6 +171,8 @@ class Flight:
         """Wait until the vehicle stands on the ground and can be armed."""
         self._log("waiting for the vehicle")
         tracker.start(_STARTUP_S)
+        if not self._options.is_simulated:
+            tracker.require_truth()
         if pilot.is_flying():
             self._log("the vehicle flies already: the pilot lands it first")
             pilot.land()
