@@ -44,7 +44,7 @@ _TRUTH, _ORIGIN, _PLACE, _ATTITUDE = (
     "LOCAL_POSITION_NED",
     "ATTITUDE_QUATERNION",
 )
-_TRUTH_S = 1.0
+_TRUTH_S = 3.0
 """How long the truth, and then the origin, are waited for."""
 _SILENCE_NS = 1_000_000_000
 """Silence of the truth after which it is asked for again: the vehicle was started anew."""
