@@ -210,8 +210,11 @@ def _join(where: str, key: str) -> str:
     return f"{where}.{key}" if where else key
 
 
+_TITLES = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+
+
 def _title(hint: Any) -> str:
-    return getattr(hint, "__name__", str(hint))
+    return _TITLES.get(hint) or getattr(hint, "__name__", str(hint))
 
 
 def _check_range(value: object, low: float | None, high: float | None, where: str) -> None:
@@ -274,4 +277,4 @@ def _convert_scalar(hint: Any, value: object, where: str) -> Any:
         return number
     if hint is Any or (isinstance(value, hint) and not (hint is int and isinstance(value, bool))):
         return value
-    raise ConfigError(f"{where} = {value!r} is {type(value).__name__}", _title(hint))
+    raise ConfigError(f"{where} = {value!r}", _title(hint))

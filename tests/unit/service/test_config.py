@@ -51,7 +51,7 @@ def test_the_command_line_wins_over_the_file(tmp_path):
         ("[limits]\nyaw_deg_s = 500\n", ["limits.yaw_deg_s = 500", "1 to 120"]),
         ("[telemetry]\nstate_hz = 0.5\n", ["telemetry.state_hz = 0.5", "1 to 50"]),
         ("[limits]\nhorizontal_m_s = nan\n", ["a finite number"]),
-        ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "float"]),
+        ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "expected a number"]),
         ("[gate]\nengage = 'aut'\n", ["did you mean 'auto'"]),
         ("[vehicle]\nname = 'My Drone'\n", ["'My Drone'"]),
         (
