@@ -74,9 +74,10 @@ class Started:
         for process in psutil.process_iter():
             with contextlib.suppress(psutil.Error):
                 is_ours = process.environ().get(_MARK) == self._mark
-                if is_ours and process.pid != self._launcher.pid:
+                is_other = process.pid != self._launcher.pid
+                if is_ours and is_other and process.status() != psutil.STATUS_ZOMBIE:
                     found.append(process)
-        return [p for p in found if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
+        return found
 
     def _is_at_work(self):
         if self.command.says not in self.output:
