@@ -1,5 +1,6 @@
 """What every test may use."""
 
+import gc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             raise pytest.UsageError(f"real_time or serial outside of components: {item.nodeid}")
     slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was collected out of every garbage collection to come."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True, scope="session")
