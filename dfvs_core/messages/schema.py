@@ -214,7 +214,7 @@ _TITLES = {float: "a number", int: "a whole number", str: "a text", bool: "true 
 
 
 def _title(hint: Any) -> str:
-    return _TITLES.get(hint) or getattr(hint, "__name__", str(hint))
+    return _TITLES[hint] if hint in _TITLES else getattr(hint, "__name__", str(hint))
 
 
 def _check_range(value: object, low: float | None, high: float | None, where: str) -> None:
