@@ -18,7 +18,8 @@ from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 FREE_AXES = (0, 1)
-"""Axes of the match graph's inputs whose sizes it may leave open: one pair, and keypoints."""
+"""Axes of the match graph's inputs of any size: pairs of images, of which one is matched at a time,
+and keypoints."""
 _FEW_KEYPOINTS = 400
 """Keypoints by which the turns are ranked, and those that are matched at a known one."""
 _OUTSIDE = -1e4

@@ -72,7 +72,7 @@ def run_board(words: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
     arguments = parser.parse_args(words)
     board = Board(parse_board(arguments.board))
-    if arguments.out.suffix != ".png":
+    if arguments.out.suffix.lower() != ".png":
         raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .png")
     if not 50 <= arguments.dpi <= 1200:
         raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
