@@ -1,18 +1,38 @@
-"""Replay of a whole recording, with the reasons why results may differ."""
+"""Replay of a whole recording, with the reasons why results may differ.
 
+Nothing in perception depends on when it runs but the two times by which a frame's age is judged.
+They are part of every frame record, so the same code, model and settings give the same reports.
+"""
+
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dfvs_core.matching.matcher import Matcher
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
+from dfvs_core.messages.goal import Goal
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_service.flights.records import StateChange
-from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import (
+    Clocks,
+    build_frame_processor,
+    depth_network,
+    flow_matcher,
+    perception_files,
+    servo_task,
+)
 from dfvs_service.perception.build import build_versions
-from dfvs_service.perception.frame_processor import ProcessedFrame
+from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
-from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings
+from dfvs_service.replay.rerun import (
+    RecordedClock,
+    Rerun,
+    TimedMatcher,
+    recorded_goal,
+    recorded_settings,
+)
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.sections import FlowSection
 
@@ -61,17 +81,15 @@ class FlightReplay:
 
     def __init__(self, trial: Trial) -> None:
         self._trial = trial
-        self._rerunner: Rerunner | None = None
         self._run: tuple[str, int] | None = None
-        self._matcher: tuple[FlowSection, Matcher] | None = None
+        self._processor: FrameProcessor | None = None
+        self._look, self._servo = RecordedClock(), RecordedClock()
+        self._matcher: tuple[FlowSection, TimedMatcher] | None = None
         self._build = build_versions()
         self._next_record = 0
         self.reasons: dict[str, None] = {}
-
-    @property
-    def processed(self) -> ProcessedFrame | None:
-        """What became of the newest sample, None before the first one."""
-        return None if self._rerunner is None else self._rerunner.processed
+        self.processed: ProcessedFrame | None = None
+        """What became of the newest sample of the run, None before the first one."""
 
     def open(self, header: SessionHeader, image: bytes) -> None:
         """Build perception for the frame records to come; in the same run, go on to its goal.
@@ -79,25 +97,25 @@ class FlightReplay:
         Raises
         ------
         DfvsError
-            If settings or model cannot be used.
+            If settings, model or goal (a PNG) cannot be used.
         """
         config = self._trial.applied_to(recorded_settings(header))
-        flow = config.flow
         model = perception_files(config)
         for reason in reasons_to_differ(header, config, model, self._build):
             self.reasons[reason] = None
-        if self._rerunner is not None and header.run == self._run:
-            self._rerunner.set_goal(header, image, config)
+        if self._processor is not None and header.run == self._run:
+            _set_goal(self._processor.pipeline, header, recorded_goal(header, image), config)
             return
-        self._run, self._next_record = header.run, 0
-        if self._matcher is None or self._matcher[0] != flow:
-            self._matcher = (flow, flow_matcher(flow))
-        depth = depth_network(config)
-        self._rerunner = Rerunner(header, image, config, self._matcher[1], depth)
+        self._run, self._next_record, self.processed = header.run, 0, None
+        if self._matcher is None or self._matcher[0] != config.flow:
+            self._matcher = (config.flow, TimedMatcher(flow_matcher(config.flow)))
+        depth, goal = depth_network(config), recorded_goal(header, image)
+        clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
+        self._processor = build_frame_processor(config, goal, self._matcher[1], clocks, depth)
 
     def record(self, record: FrameRecord, payload: bytes) -> Rerun | None:
-        """Run one frame record again; None for one that saw nothing."""
-        if self._rerunner is None:
+        """Run one frame record again, by the times of then; None for one that saw nothing."""
+        if self._processor is None or self._matcher is None:
             return None
         if record.number != self._next_record:
             missing = record.number - self._next_record
@@ -105,7 +123,28 @@ class FlightReplay:
                 f"{missing} frame records before frame record {record.number} were not recorded"
             ] = None
         self._next_record = record.number + 1
-        return self._rerunner.record(record, payload)
+        for status in record.heard:
+            self._processor.on_gate_status(status)
+        sight, timed = record.sight, self._matcher[1]
+        if sight is None:
+            return None
+        self._look.now_ns = sight.t_look_ns
+        self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
+        sample = RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
+        timed.spent_ns, start_ns = 0, time.monotonic_ns()
+        self.processed = self._processor.process(sample)
+        look_ns, match_ns = time.monotonic_ns() - start_ns, timed.spent_ns
+        self._processor.pipeline.work_between_frames()
+        return Rerun(record, self.processed.report, match_ns, look_ns)
+
+
+def _set_goal(pipeline: Pipeline, header: SessionHeader, goal: Goal, config: ServiceConfig) -> None:
+    """Go on to the goal of a session header that follows in the same flight."""
+    task, view = servo_task(config, goal), pipeline.prepare(goal)
+    preview = None
+    if header.observed_ns is not None:
+        preview = pipeline.evaluate_next_goal(task, view, header.observed_ns)
+    pipeline.set_goal(task, view, None if preview is None else preview().observation)
 
 
 def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> Replay:

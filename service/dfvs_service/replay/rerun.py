@@ -1,27 +1,19 @@
-"""Replay of perception on recorded frame records.
-
-Nothing in perception depends on when it runs but the two times by which a frame's age is judged.
-They are part of every frame record, so the same code, model and settings give the same reports.
-"""
+"""Parts of a replay: result of a frame, clock, timed matcher, recorded settings and goal."""
 
 import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
-from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import parse, with_present_names
-from dfvs_service.frames import RawSample
-from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
-from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.settings.config import ServiceConfig
 
@@ -46,10 +38,13 @@ class Rerun:
 
 
 @dataclass(slots=True)
-class _Clock:
+class RecordedClock:
+    """Clock that shows the recorded time to which it is set, ns."""
+
     now_ns: int = 0
 
     def __call__(self) -> int:
+        """Read the clock."""
         return self.now_ns
 
 
@@ -118,66 +113,3 @@ def recorded_goal(header: SessionHeader, image: bytes) -> Goal:
         If image or sidecar cannot be read.
     """
     return Goal(decode_image(image), parse(GoalSidecar, header.sidecar))
-
-
-class Rerunner:
-    """Runs perception on the frame records that follow a session header.
-
-    Parameters
-    ----------
-    header : SessionHeader
-    image : bytes
-        The goal, PNG.
-    config : ServiceConfig
-        The recorded one, or what is to be tried in its place.
-    matcher : Matcher
-        Likewise.
-    depth : DepthEstimator or None
-        Depth network of these settings, if they ask for one.
-    """
-
-    def __init__(
-        self,
-        header: SessionHeader,
-        image: bytes,
-        config: ServiceConfig,
-        matcher: Matcher,
-        depth: DepthEstimator | None,
-    ) -> None:
-        goal = recorded_goal(header, image)
-        self._look, self._servo = _Clock(), _Clock()
-        clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
-        self._timed = TimedMatcher(matcher)
-        self._frame_processor = build_frame_processor(config, goal, self._timed, clocks, depth)
-        self.processed: ProcessedFrame | None = None
-        """What became of the newest sample."""
-
-    def set_goal(self, header: SessionHeader, image: bytes, config: ServiceConfig) -> None:
-        """Go on to the goal of a session header that follows in the same flight."""
-        goal = recorded_goal(header, image)
-        pipeline = self._frame_processor.pipeline
-        task, view = servo_task(config, goal), pipeline.prepare(goal)
-        preview = None
-        if header.observed_ns is not None:
-            preview = pipeline.evaluate_next_goal(task, view, header.observed_ns)
-        pipeline.set_goal(task, view, None if preview is None else preview().observation)
-
-    def record(self, record: FrameRecord, payload: bytes) -> Rerun | None:
-        """Run one frame record again; None for one that saw nothing."""
-        for status in record.heard:
-            self._frame_processor.on_gate_status(status)
-        if record.sight is None:
-            return None
-        sample = self._set_back(record.sight, payload)
-        self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
-        processed = self._frame_processor.process(sample)
-        look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        self._frame_processor.pipeline.work_between_frames()
-        self.processed = processed
-        return Rerun(record, processed.report, match_ns, look_ns)
-
-    def _set_back(self, sight: FrameInput, payload: bytes) -> RawSample:
-        """Put the clocks to the times of then."""
-        self._look.now_ns = sight.t_look_ns
-        self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
-        return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
