@@ -6,18 +6,18 @@ import asyncio
 import contextlib
 import json
 import logging
+import struct
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfvs_core.messages.goal_command import GoalCommand
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalCommand
 from dfvs_core.messages.link import MOUNTING_SCORE
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.command_queue import STOPS, CommandQueue
 from dfvs_service.dashboard.hub import Clock, Hub
-from dfvs_service.dashboard.messages import commanded_goal, read_message
 from dfvs_service.dashboard.outbox import Outbox
 from dfvs_service.dashboard.tokens import Role, Tokens
 from dfvs_service.dashboard.vehicles.clock import Moment
@@ -212,3 +212,42 @@ class ClientSession:
         accepted, text = answer
         told = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
         self._outbox.append("answers", [json.dumps(told)])
+
+
+_LENGTH = struct.Struct("<I")
+_MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
+_IMAGE = "image"
+
+
+def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
+    """Read a message; what cannot be read is taken for an empty one.
+
+    ``text`` is a JSON object. ``data`` is the length of a header (uint32, little-endian), the
+    header as JSON, and an image, which is put into the message beside the header's values.
+    """
+    image = None
+    if data is not None:
+        if len(data) < _LENGTH.size:
+            return {}
+        end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
+        if end > min(len(data), _MAX_HEADER_BYTES):
+            return {}
+        header, image = data[_LENGTH.size : end], data[end:]
+        text = header.decode(errors="replace")
+    try:
+        message = json.loads(text or "")
+    except (ValueError, RecursionError):
+        return {}
+    if not isinstance(message, dict):
+        return {}
+    message.pop(_IMAGE, None)
+    return message if image is None else message | {_IMAGE: image}
+
+
+def commanded_goal(message: dict[str, Any]) -> GoalCommand | None:
+    """Goal that came with a command, or None."""
+    image = message.get(_IMAGE)
+    if not isinstance(image, bytes):
+        return None
+    sidecar = message.get("sidecar", "")
+    return GoalCommand(image, sidecar if isinstance(sidecar, str) else "")

@@ -1,18 +1,20 @@
 """``dfvs-service flights``: list, show and export what flights left behind."""
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import os
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_OK
+from dfvs_core.errors import ConfigError
 from dfvs_service.flights import layout
-from dfvs_service.flights.export import export_flight
 from dfvs_service.flights.records import FlightSummary, read_summary
-from dfvs_service.flights.store import FlightStore, flights_folder
+from dfvs_service.flights.store import LOCK, FlightStore, flights_folder
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 _EPILOG = """\
@@ -95,6 +97,41 @@ def _export(store: FlightStore, arguments: argparse.Namespace) -> None:
         print(json.dumps({**result, "size_bytes": size_bytes}))
     else:
         print(f"{folder.name}: {count} files, {size_bytes / 1e6:.1f} MB in {target}")
+
+
+def export_flight(folder: Path, target: Path) -> int:
+    """Pack all files of a flight as one ZIP file, under its name; returns how many.
+
+    Raises
+    ------
+    ConfigError
+        If the target exists or cannot be written, or a file cannot be read.
+    """
+    if target.exists():
+        raise ConfigError(f"{target} exists", "a name that is free")
+    partial = target.with_name(target.name + ".part")
+    try:
+        count = _pack(folder, partial)
+        os.replace(partial, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise ConfigError(
+            f"{folder.name} cannot be exported to {target} ({error.strerror})",
+            "a folder that exists and is writable",
+        ) from error
+    return count
+
+
+def _pack(folder: Path, partial: Path) -> int:
+    count = 0
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != LOCK):
+            # The oldest files of a running flight may go meanwhile.
+            with contextlib.suppress(FileNotFoundError):
+                archive.write(path, folder.name / path.relative_to(folder))
+                count += 1
+    return count
 
 
 def _table(summaries: Sequence[FlightSummary]) -> list[str]:

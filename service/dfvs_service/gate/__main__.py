@@ -19,8 +19,7 @@ from dfvs_service.gate.process import (
 )
 from dfvs_service.settings.config import config_from_json
 from dfvs_service.settings.key_file import load_key
-from dfvs_service.supervisor.child_process import begin_child
-from dfvs_service.supervisor.priority import prefer_this_process
+from dfvs_service.supervisor.child_process import begin_child, prefer_this_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -5,8 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_service.operator_link.process import OperatorLink
-from dfvs_service.supervisor.child_process import run_child
-from dfvs_service.supervisor.priority import prefer_this_process
+from dfvs_service.supervisor.child_process import prefer_this_process, run_child
 
 
 def main(argv: Sequence[str] | None = None) -> int:

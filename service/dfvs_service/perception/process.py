@@ -43,8 +43,11 @@ from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.telemetry.images import TelemetryImages
-from dfvs_service.perception.telemetry.latency import LatencyWindow
-from dfvs_service.perception.telemetry.messages import servo_document, timing_document
+from dfvs_service.perception.telemetry.messages import (
+    LatencyWindow,
+    servo_document,
+    timing_document,
+)
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder

@@ -80,7 +80,7 @@ def _recover(words: Sequence[str]) -> int:
     )
     arguments = parser.parse_args(words)
     require_record_extra()
-    from dfvs_service.record.recovery import recover
+    from dfvs_service.record.reading import recover
 
     source: Path = arguments.file
     target = arguments.out or source.with_name(f"{source.stem}-recovered.mcap")

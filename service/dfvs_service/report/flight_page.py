@@ -11,9 +11,8 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Page, Table, Video, View, render
-from dfvs_service.report.flight import BLACK_BOX, ENGAGED, Flight, FlightSource, FlightView
+from dfvs_service.report.flight import BLACK_BOX, ENGAGED, Flight, FlightSource, FlightView, collect
 from dfvs_service.report.series import Fault, FlightSeries, values_in
-from dfvs_service.report.thumbnails import collect
 from dfvs_service.report.video import VideoWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000

@@ -21,8 +21,7 @@ from dfvs_core.messages.ros2 import (
     decode_attachment,
 )
 from dfvs_service.frames import RawSample
-from dfvs_service.ros2.camera_info import camera_of
-from dfvs_service.ros2.images import Pixels, from_compressed, from_image
+from dfvs_service.ros2.images import Pixels, camera_of, from_compressed, from_image
 from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000

@@ -1,6 +1,8 @@
 """Entry point of child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
 
 import argparse
+import contextlib
+import os
 import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -66,3 +68,16 @@ def run_child(
     except DfvsError as error:
         return cannot_run(error)
     return EXIT_OK
+
+
+NICE = -10
+
+
+def prefer_this_process() -> None:
+    """Ask the kernel to run this process before others; without the right to, change nothing.
+
+    Both need little of the processor, but soon: perception may use up all of it. Rights come
+    with systemd's ``Nice=`` or CAP_SYS_NICE.
+    """
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)

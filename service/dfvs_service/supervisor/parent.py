@@ -28,11 +28,10 @@ from dfvs_core.messages.schema import from_json
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import LEAST_END_S, Child
-from dfvs_service.supervisor.console import Display
-from dfvs_service.supervisor.console_writer import ConsoleWriter
+from dfvs_service.supervisor.child_process import prefer_this_process
+from dfvs_service.supervisor.console import ConsoleWriter, Display
 from dfvs_service.supervisor.heartbeat import HangDetector, Heartbeat
 from dfvs_service.supervisor.journal import Journal
-from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.refusals import StandingRefusals
 from dfvs_service.supervisor.systemd_notify import Notifier
 

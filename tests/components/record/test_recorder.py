@@ -24,9 +24,8 @@ from dfvs_core.messages.image import decode_image
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.cli import main as record_main
 from dfvs_service.record.process import free_name
-from dfvs_service.record.reading import RecordingError
+from dfvs_service.record.reading import RecordingError, recover
 from dfvs_service.record.recorder import Recorder
-from dfvs_service.record.recovery import recover
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
 from dfvs_service.report.recording import RecordedFlight

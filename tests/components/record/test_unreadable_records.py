@@ -4,7 +4,7 @@ from loopback import listening_peer
 from waiting import until
 
 from dfvs_core.messages.topics import Topics
-from dfvs_service.record.listener import RecordListener
+from dfvs_service.record.follow import RecordListener
 
 TOPICS = Topics("swift")
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dfvs_service.camera.reception import ReceptionReport
+from dfvs_service.camera.publisher import ReceptionReport
 from dfvs_service.camera.sources.spec import CameraError
 
 

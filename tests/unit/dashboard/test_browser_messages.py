@@ -4,7 +4,7 @@ import struct
 import pytest
 
 from dfvs_core.messages.goal_command import GoalCommand
-from dfvs_service.dashboard.messages import commanded_goal, read_message
+from dfvs_service.dashboard.client_session import commanded_goal, read_message
 
 
 def with_picture(header, picture=b"jpeg", length=None):

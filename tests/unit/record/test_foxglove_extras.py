@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.perception.flow_grid import sample_flow
-from dfvs_service.record.flight_log import FlightLog
-from dfvs_service.record.flown_path import FlownPath
 from dfvs_service.record.messages.foxglove import flow_annotations, log, path
+from dfvs_service.record.messages.translation import FlightLog, FlownPath
 
 STATUS = GateStatus("READY", "", None, since_ns=1)
 

@@ -2,7 +2,7 @@
 
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_service.record.listener import RecordSequencer
+from dfvs_service.record.follow import RecordSequencer
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)
 

@@ -2,7 +2,7 @@
 
 import threading
 
-from dfvs_service.supervisor.console_writer import ConsoleWriter
+from dfvs_service.supervisor.console import ConsoleWriter
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
 

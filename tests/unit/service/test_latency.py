@@ -1,6 +1,6 @@
 import pytest
 
-from dfvs_service.perception.telemetry.latency import WINDOW, LatencyWindow
+from dfvs_service.perception.telemetry.messages import WINDOW, LatencyWindow
 
 
 def test_percentiles_of_each_stage_in_ms():

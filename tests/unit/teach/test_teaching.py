@@ -17,8 +17,8 @@ from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service import cli
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
+from dfvs_service.route.cli import RouteProgress
 from dfvs_service.route.goal_sidecar import sidecar_of
-from dfvs_service.route.progress import RouteProgress
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,

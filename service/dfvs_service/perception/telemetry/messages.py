@@ -1,8 +1,11 @@
-"""Telemetry documents about perception, as plain mappings."""
+"""Telemetry documents about perception as plain mappings, and the latencies in them."""
 
 import math
+from collections import defaultdict, deque
 from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from dfvs_core.messages.frame import Frame
 from dfvs_core.perception.frame_result import FrameResult
@@ -63,3 +66,31 @@ def timing_document(
 def _number(value: float) -> float | None:
     """JSON has no infinity: unknown is null."""
     return float(value) if math.isfinite(value) else None
+
+
+WINDOW = 300
+
+
+class LatencyWindow:
+    """The last durations of every stage."""
+
+    def __init__(self) -> None:
+        self._stages: defaultdict[str, deque[int]] = defaultdict(lambda: deque(maxlen=WINDOW))
+
+    def add(self, stages_ns: dict[str, int]) -> None:
+        """Take in one frame's durations, ns by stage."""
+        for name, duration in stages_ns.items():
+            self._stages[name].append(duration)
+
+    def summary(self) -> dict[str, dict[str, float]]:
+        """p50, p99 and max in ms by stage."""
+        return {name: _percentiles(values) for name, values in self._stages.items()}
+
+
+def _percentiles(values: deque[int]) -> dict[str, float]:
+    p50, p99, most = np.percentile(np.array(values), [50, 99, 100]) * 1e-6
+    return {
+        "p50_ms": round(float(p50), 3),
+        "p99_ms": round(float(p99), 3),
+        "max_ms": round(float(most), 3),
+    }

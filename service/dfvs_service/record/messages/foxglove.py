@@ -5,6 +5,7 @@ down; ``body`` is forward, right, down; ``camera`` is optical.
 """
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -31,7 +32,9 @@ from dfvs_core.messages.frame import FrameHeader, PixelFormat
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.flow_grid import FlowGrid
-from dfvs_service.record.flight_log import Entry
+
+Entry = tuple[Literal["INFO", "WARNING", "ERROR"], str]
+"""Severity, as Foxglove names its levels, and one line of a log."""
 
 _HALF_PX = 0.5
 """Foxglove and ROS count pixels from the first one's centre, we from its corner."""

@@ -5,10 +5,12 @@ other channels say the same in Foxglove's standard schemas and as plain JSON, fo
 """
 
 import json
+import math
 from collections.abc import Iterator
 from typing import Any
 
 from dfvs_core.errors import WireError
+from dfvs_core.gate.states import GateState
 from dfvs_core.messages.frame import PixelFormat, decode_header
 from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.goal import GoalSidecar, Mount
@@ -16,8 +18,6 @@ from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_core.messages.schema import dump, parse, to_json
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.pace import Pace
-from dfvs_service.record.flight_log import FlightLog
-from dfvs_service.record.flown_path import FlownPath
 from dfvs_service.record.messages import channels, foxglove
 from dfvs_service.record.messages.channels import Channel, Message, json_channel
 from dfvs_service.settings.camera_section import CameraSection
@@ -34,6 +34,55 @@ _PATH_HZ = 1.0
 
 _SERVO_VECTORS = ("velocity_error",)
 """Arrays in a servo document that are null where they are unknown."""
+
+
+_SPACING_M = 0.05
+_MOST_POINTS = 1000
+
+Position = tuple[float, float, float]
+
+
+class FlightLog:
+    """Logs changes of state with their cause, answers to commands, and each warning once."""
+
+    def __init__(self) -> None:
+        self._last: GateStatus | None = None
+        self._warned: set[str] = set()
+
+    def entries(self, status: GateStatus) -> Iterator[foxglove.Entry]:
+        """Lines about what changed with this status."""
+        last, self._last = self._last, status
+        if last is None or (status.state, status.since_ns) != (last.state, last.since_ns):
+            text = f"{status.state}: {status.cause}" if status.cause else status.state
+            if status.state == GateState.ABORT:
+                yield "ERROR", text
+            else:
+                yield "WARNING" if status.state == GateState.HOLD else "INFO", text
+        if last is not None and status.command_count > last.command_count:
+            yield "INFO", f"command {status.command_result}"
+        for text in status.warnings:
+            if text not in self._warned:
+                self._warned.add(text)
+                yield "WARNING", text
+
+
+class FlownPath:
+    """Positions (m) at least so far apart; when they become too many, every second one goes."""
+
+    def __init__(self) -> None:
+        self._spacing_m = _SPACING_M
+        self.positions_m: list[Position] = []
+
+    def add(self, position_m: Position) -> bool:
+        """Take a position; returns whether it is kept."""
+        kept = self.positions_m
+        if kept and math.dist(kept[-1], position_m) < self._spacing_m:
+            return False
+        kept.append(position_m)
+        if len(kept) > _MOST_POINTS:
+            self.positions_m = kept[::2]
+            self._spacing_m *= 2.0
+        return True
 
 
 class Translation:
