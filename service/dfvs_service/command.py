@@ -47,18 +47,8 @@ def send_command(
 ) -> str:
     """Sign a command with the service's present challenge, send it, and return the service's word.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Name of the vehicle, and the way to it.
-    key : bytes
-        Secret that the service knows as well.
-    action : Action
-        What to do.
-    timeout_s : float
-        How long to wait for the service, and then for its answer.
-    goal : GoalCommand, optional
-        Where to fly to, for ``Action.GOAL``.
+    ``key`` is the secret that the service knows as well. ``timeout_s`` is the longest wait for the
+    service, and then for its answer. ``goal`` is where to fly to, for ``Action.GOAL``.
 
     Raises
     ------

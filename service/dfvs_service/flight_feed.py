@@ -15,10 +15,7 @@ _OVERHEAD_BYTES = 64
 class FlightFeed:
     """Sends records to the black box of the same service; never blocks, never raises.
 
-    Parameters
-    ----------
-    address : Path
-        Socket of the black box; need not exist.
+    ``address`` is the black box's socket, which need not exist.
     """
 
     def __init__(self, address: Path) -> None:

@@ -21,12 +21,8 @@ class GateLink:
     The kernel queues ten datagrams and drops the newest, so a thread of its own takes them in
     while the process is busy.
 
-    Parameters
-    ----------
-    gate, own : Path
-        Sockets of the gate and of this process.
-    on_message : callable
-        Takes the gate's messages, on that thread; must not block.
+    ``gate`` and ``own`` are the sockets of the gate and of this process. ``on_message`` takes the
+    gate's messages, on that thread, and must not block.
     """
 
     def __init__(self, gate: Path, own: Path, on_message: Callable[[FromGate], None]) -> None:

@@ -15,10 +15,7 @@ class GoalStore:
 
     The process that keeps them remembers their order; another one may pop them.
 
-    Parameters
-    ----------
-    folder : Path
-        Private; made where it is missing.
+    ``folder`` is private, and made where it is missing.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -43,15 +43,8 @@ class Telemetry:
     ``flow``, which cost time to make, are made only while somebody subscribes. ``thumbnail`` and
     ``build`` are for the black box alone.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-    topics : Topics
-    report : callable
-        Takes one line about a failure of the thread, from any thread.
-    keep : callable
-        Takes stream and payload for the black box and returns whether that is settled; must not
-        block.
+    ``report`` takes one line about a failure of the thread, from any thread. ``keep`` takes stream
+    and payload for the black box, returns whether that is settled, and must not block.
     """
 
     def __init__(

@@ -31,12 +31,7 @@ _POLL_S = 0.05
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
     """Open a session as configured; a client listens on nothing.
 
-    Parameters
-    ----------
-    config : ZenohSection
-        Endpoints and certificates.
-    vehicles : tuple of str
-        Whose roles may do their work over encrypted links to this process.
+    ``vehicles`` are those whose roles may do their work over encrypted links to this process.
 
     Raises
     ------

@@ -35,14 +35,8 @@ class Feed(Protocol):
 class LiveFeed:
     """The newest image of a live source, read on a thread of its own and reopened when lost.
 
-    Parameters
-    ----------
-    opener : callable
-        Opens the source; raises SourceLostError where trying again may help.
-    log : callable
-        Takes a line for the user whenever the source is lost or back.
-    retry_s : float
-        Pause between two attempts.
+    ``opener`` raises SourceLostError where trying again may help, which is done after ``retry_s``.
+    ``log`` takes a line for the user whenever the source is lost or back.
     """
 
     ended = False

@@ -127,16 +127,8 @@ _REMEDY = (
 class ReceptionReport:
     """Logs when nobody receives the frames, and when somebody does again.
 
-    Parameters
-    ----------
-    log : callable
-        Takes a line for the user.
-    key : str
-        Zenoh key of the frames.
-    lost_s : float
-        Monotonic time since which nobody is known to receive.
-    required_s : float, optional
-        Without a subscriber for so long the camera ends.
+    ``key`` is the Zenoh key of the frames, and ``lost_s`` the monotonic time since which nobody is
+    known to receive. Without a subscriber for ``required_s`` the camera ends.
     """
 
     log: Log

@@ -35,14 +35,7 @@ def present_moment() -> Moment:
 
 
 class Dashboard:
-    """Everything behind the page.
-
-    Parameters
-    ----------
-    settings : DashboardSettings
-    clock : callable
-        The present moment.
-    """
+    """Everything behind the page."""
 
     def __init__(self, settings: DashboardSettings, clock: Clock = present_moment) -> None:
         self.address = settings.address

@@ -24,12 +24,7 @@ log = logging.getLogger("dfvs.dashboard")
 class AsyncBridge:
     """Unpacks arrivals on a thread of its own and hands them over in batches.
 
-    Parameters
-    ----------
-    loop : asyncio.AbstractEventLoop
-        Where ``on_samples`` is to be called.
-    on_samples : callable
-        Takes a batch of samples.
+    ``on_samples`` takes a batch of samples, on the loop's thread.
     """
 
     def __init__(

@@ -25,14 +25,8 @@ Send = Callable[[ServiceConfig, bytes, Action, float, GoalCommand | None], str]
 class CommandQueue:
     """Gives commands to vehicles; blocks, so it is called on worker threads.
 
-    Parameters
-    ----------
-    key : bytes
-        Of signed commands.
-    find : callable
-        How to reach a vehicle by its name.
-    send : callable
-        Signs and sends a command, and returns the gate's answer.
+    ``key`` signs the commands. ``find`` tells how to reach a vehicle by its name. ``send`` signs
+    and sends a command, and returns the gate's answer.
     """
 
     def __init__(self, key: bytes, find: FindEndpoint, send: Send = send_command) -> None:

@@ -28,14 +28,8 @@ Watch = Callable[[frozenset[str]], None]
 class Hub:
     """Takes samples, and leaves updates in the outboxes of those who watch the vehicle.
 
-    Parameters
-    ----------
-    clock : callable
-        The present moment.
-    on_watch : callable
-        Called with the vehicles that are watched by anybody, whenever they change.
-    local_clock : bytes
-        Identity of this machine's monotonic clock.
+    ``on_watch`` is called with the vehicles that are watched by anybody, whenever they change.
+    ``local_clock`` is the identity of this machine's monotonic clock.
     """
 
     def __init__(self, clock: Clock, on_watch: Watch, local_clock: bytes = NO_CLOCK) -> None:

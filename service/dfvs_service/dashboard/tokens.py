@@ -18,12 +18,7 @@ class Role(enum.IntEnum):
 class Tokens:
     """Secrets of viewers and operators.
 
-    Parameters
-    ----------
-    viewer, operator : bytes or None
-        None where nobody can sign in as such.
-    is_open : bool
-        Everybody who reaches the page may look.
+    None where nobody can sign in as such; ``is_open``: everybody who reaches the page may look.
     """
 
     viewer: bytes | None = None

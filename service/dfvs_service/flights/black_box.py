@@ -65,17 +65,7 @@ class _Parts:
 class BlackBox:
     """Writes one flight; no call raises for want of a disk.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Names the vehicle and the limits.
-    store : FlightStore
-        Where the flight goes.
-    runtime : RuntimeFolder
-        Of the running service.
-    clock : Clock
-    warn : callable
-        Takes one line for the user.
+    ``warn`` takes one line for the user.
     """
 
     def __init__(

@@ -20,10 +20,7 @@ _CHUNK_BYTES = 1024 * 1024
 class AppendFile:
     """A file that grows by whole records.
 
-    Parameters
-    ----------
-    path : Path
-        Is continued where it exists.
+    An existing file is continued.
     """
 
     def __init__(self, path: Path) -> None:
@@ -79,14 +76,8 @@ class _Log:
 class LogCopy(_Log):
     """Copy of a log that another process writes: whole lines, up to a greatest size.
 
-    Parameters
-    ----------
-    source : Path
-        Need not exist yet.
-    target : Path
-        Is made with the first line.
-    max_bytes : int
-        The copy ends before the first line that finds no room.
+    ``source`` need not exist yet, and ``target`` is made with the first line. The copy ends before
+    the first line that finds no room in ``max_bytes``.
     """
 
     def __init__(self, source: Path, target: Path, max_bytes: int) -> None:
@@ -128,13 +119,7 @@ class LogCopy(_Log):
 class SegmentedLog(_Log):
     """Append-only log in files ``STEM-000.jsonl``, ...; the oldest goes beyond a total size.
 
-    Parameters
-    ----------
-    folder : Path
-        Exists, and holds no file of that name.
-    stem : str
-    max_bytes : int
-        Size of all files together.
+    ``folder`` exists and holds no such file; ``max_bytes`` is the size of all files together.
     """
 
     def __init__(self, folder: Path, stem: str, max_bytes: int) -> None:
@@ -171,12 +156,7 @@ class SegmentedLog(_Log):
 class FileRing:
     """Small files of one folder; the oldest go beyond a total size.
 
-    Parameters
-    ----------
-    folder : Path
-        Is made with the first file.
-    max_bytes : int
-        Size of all files together.
+    ``folder`` is made with the first file; ``max_bytes`` is the size of all files together.
     """
 
     def __init__(self, folder: Path, max_bytes: int) -> None:

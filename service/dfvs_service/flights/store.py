@@ -51,10 +51,7 @@ def flight_name(vehicle: str, t_unix_s: float) -> str:
 class FlightStore:
     """Flights of a folder, one folder each.
 
-    Parameters
-    ----------
-    path : Path
-        Need not exist.
+    ``path`` need not exist.
     """
 
     def __init__(self, path: Path) -> None:

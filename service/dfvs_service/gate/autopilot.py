@@ -49,18 +49,10 @@ _Convert = Callable[[int, Mapping[str, Any]], VehicleEvent | None]
 class Autopilot:
     """Connection to one autopilot.
 
-    Parameters
-    ----------
-    emit : callable
-        Takes the vehicle's events, from any thread, without blocking.
-    note : callable
-        Takes (kind, text) for the log, from any thread, without blocking.
-    allow_return : bool
-        Advise against a return to launch where setpoints stop, and do not refuse it.
-    limits : VelocityLimits, optional
-        Limits of the setpoints, which must not be above the autopilot's; the defaults.
-    system_id : int
-        MAVLink system id of the autopilot; 0 takes the only one on the link.
+    ``emit`` takes the vehicle's events and ``note`` (kind, text) for the log, from any thread,
+    without blocking. ``allow_return``: advise against a return to launch where setpoints stop, and
+    do not refuse it. ``limits`` of the setpoints must not be above the autopilot's. ``system_id``
+    is the autopilot's MAVLink system id; 0 takes the only one on the link.
     """
 
     def __init__(
@@ -186,10 +178,7 @@ class Autopilot:
         parameters, and a system that sends setpoints need not have been there before. Returns
         only after the loss of a serial device, which MAVSDK never opens again.
 
-        Parameters
-        ----------
-        on_device_lost : callable
-            Takes the error that says so; must not block.
+        ``on_device_lost`` takes the error that says so, and must not block.
         """
         self._request_telemetry()
         next_read_s = time.monotonic()

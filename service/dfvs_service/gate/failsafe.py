@@ -41,18 +41,9 @@ def judge_failsafe(
 ) -> ParametersRead:
     """Event of the two parameters; None is one that could not be read.
 
-    Parameters
-    ----------
-    t_ns : int
-        Monotonic time of the reading, ns.
-    loss_s : float or None
-        COM_OF_LOSS_T, s.
-    action : float or None
-        COM_OBL_RC_ACT.
-    allow_return : bool
-        A return to launch where setpoints stop is advised against, and not refused.
-    others : tuple of str
-        Refusals of other parameters.
+    ``loss_s`` is COM_OF_LOSS_T in s, ``action`` COM_OBL_RC_ACT, and ``t_ns`` the monotonic time of
+    the reading. ``allow_return``: a return to launch where setpoints stop is advised against, and
+    not refused. ``others`` are refusals of other parameters.
     """
     failsafe = (*_time_refusals(loss_s), *_action_refusals(action, allow_return=allow_return))
     refusals = (*failsafe, *others)

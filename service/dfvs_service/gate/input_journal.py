@@ -38,18 +38,9 @@ class InputJournal:
     greatest size and at the first step that a slow disk leaves no room for, and when the disk is
     full. The gate goes on.
 
-    Parameters
-    ----------
-    path : Path
-        Is written anew.
-    config : GateConfig
-        Settings of the gate.
-    t_ns : int
-        Monotonic time of the gate's start.
-    report : callable
-        Takes the line that says why the journal has ended; called on any thread, must not block.
-    max_bytes : int
-        Greatest size.
+    ``path`` is written anew, up to ``max_bytes``; ``t_ns`` is the monotonic time of the gate's
+    start. ``report`` takes the line that says why the journal has ended; called on any thread, it
+    must not block.
     """
 
     def __init__(

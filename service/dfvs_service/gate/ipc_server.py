@@ -27,16 +27,8 @@ _MAX_TEXT = 200
 class IpcServer:
     """The gate's socket: turns what arrives into events, and never waits for a reader.
 
-    Parameters
-    ----------
-    runtime : RuntimeFolder
-        Where the sockets are.
-    authority : Authority
-        Judges the commands.
-    note : callable
-        Takes (kind, text) for the log.
-    on_fault : callable
-        Takes one line about what failed outside the gate.
+    ``note`` takes (kind, text) for the log, ``on_fault`` one line about what failed outside the
+    gate.
     """
 
     def __init__(

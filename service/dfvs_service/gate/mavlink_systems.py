@@ -28,14 +28,8 @@ def connect_autopilot(url: str, system_id: int, timeout_s: float) -> tuple[Mavsd
     computer of the same vehicle does. Where that is not known beforehand and not the usual one,
     the connection is opened once more.
 
-    Parameters
-    ----------
-    url : str
-        MAVLink connection.
-    system_id : int
-        System id of the autopilot; 0 takes the first autopilot that is heard.
-    timeout_s : float
-        Longest wait for a heartbeat.
+    ``system_id`` is the autopilot's; 0 takes the first autopilot that is heard. ``timeout_s`` is
+    the longest wait for its heartbeat.
 
     Raises
     ------

@@ -11,12 +11,8 @@ SILENCE_NS = 1 * S
 class ParentWatchdog:
     """Bytes mean that the parent lives; the pipe's end, or a second without any, that it does not.
 
-    Parameters
-    ----------
-    descriptor : int
-        Reading end of the pipe; it is made not to block.
-    now_ns : int
-        Monotonic time of the start.
+    ``descriptor`` is the reading end of the pipe, which is made not to block; ``now_ns`` is the
+    monotonic time of the start.
     """
 
     def __init__(self, descriptor: int, now_ns: int) -> None:

@@ -80,16 +80,8 @@ class SilentLink:
 class GateProcess:
     """Loop of the gate process.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings.
-    runtime : RuntimeFolder
-        Sockets and log.
-    key : bytes or None
-        Secret of signed commands.
-    parent : int
-        Descriptor of the pipe on which the parent shows that it lives.
+    ``key`` is the secret of signed commands, ``parent`` the descriptor of the pipe on which the
+    parent shows that it lives.
     """
 
     def __init__(

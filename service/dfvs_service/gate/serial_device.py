@@ -36,10 +36,7 @@ def serial_path(url: str) -> Path | None:
 class SerialDevice:
     """Serial device that is locked against other programs until this process ends.
 
-    Parameters
-    ----------
-    path : Path
-        Name of the device, which may be a link.
+    ``path`` may be a link.
 
     Raises
     ------

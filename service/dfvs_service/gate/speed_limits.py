@@ -24,12 +24,8 @@ _ROUNDING = 1e-6
 def speed_refusals(values: Mapping[str, float | None], limits: VelocityLimits) -> tuple[str, ...]:
     """Refusals of limits that are above PX4's.
 
-    Parameters
-    ----------
-    values : mapping
-        PX4's speed limits by their names, m/s; None is one that this PX4 does not have.
-    limits : VelocityLimits
-        Limits of the gate's setpoints.
+    ``values`` are PX4's limits by their names, m/s; None is one that this PX4 does not have.
+    ``limits`` are those of the gate's setpoints.
     """
     refusals = []
     for name, attribute in _SETTINGS.items():

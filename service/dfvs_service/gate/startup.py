@@ -12,14 +12,9 @@ def startup_problem(
 ) -> DfvsError | None:
     """Error once the time is up, in PREFLIGHT and while no frame could be read.
 
-    Parameters
-    ----------
-    waited_ns, reported_ns : int
-        Times since PREFLIGHT was entered and since perception's first report; None without one.
-    timeout_s : float
-        Longest time from the later of the two to the first frame.
-    reason : str
-        Why perception has no frames.
+    ``waited_ns`` and ``reported_ns`` are the times since PREFLIGHT was entered and since
+    perception's first report, None without one. ``timeout_s`` is the longest time from the later of
+    the two to the first frame, ``reason`` why perception has no frames.
     """
     if reported_ns is None:
         if waited_ns < PERCEPTION_START_S * S:

@@ -14,12 +14,7 @@ LOOPBACK = "127.0.0.1"
 class FoxgloveServer:
     """Serves messages to whoever connects on this machine.
 
-    Parameters
-    ----------
-    name : str
-        What Foxglove calls the connection.
-    port : int
-        On 127.0.0.1; 0 lets the system choose.
+    Foxglove calls the connection by ``name``; with ``port`` 0 the system chooses one.
 
     Raises
     ------

@@ -80,14 +80,7 @@ _Family = type[GaugeMetricFamily] | type[CounterMetricFamily]
 class FlightMetrics:
     """Takes the service's telemetry documents, and gives metrics when it is asked.
 
-    Parameters
-    ----------
-    vehicle : str
-        Label of every metric.
-    registry : CollectorRegistry
-        Where they are registered.
-    tick : callable
-        Monotonic time, ns.
+    ``vehicle`` is a label of every metric, and ``tick`` gives monotonic time, ns.
     """
 
     def __init__(self, vehicle: str, registry: CollectorRegistry, tick: Callable[[], int]) -> None:

@@ -19,15 +19,7 @@ log = logging.getLogger("dfvs.operator_link.commands")
 
 
 class CommandFilter:
-    """Takes commands from any thread.
-
-    Parameters
-    ----------
-    goals : GoalStore
-        Where new goals are kept.
-    now_ns : int
-        Monotonic time.
-    """
+    """Takes commands from any thread."""
 
     def __init__(self, goals: GoalStore, now_ns: int) -> None:
         self._goals = goals

@@ -27,16 +27,8 @@ _MAX_NAMES = 8
 class NameLease:
     """Our tokens, and those of others.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-        Open as long as the lease is held.
-    topics : Topics
-        Keys of the vehicle.
-    notify : callable
-        Takes what is known of others, for the gate.
-    watches : bool
-        Only monitor others; show them nothing.
+    ``session`` is open as long as the lease is held. ``notify`` takes what is known of others, for
+    the gate. ``watches``: only monitor others, and show them nothing.
     """
 
     def __init__(

@@ -36,15 +36,7 @@ log = logging.getLogger("dfvs.operator_link")
 
 
 class OperatorLink:
-    """Publishes the gate's state, and forwards operators' commands to it.
-
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings.
-    runtime : RuntimeFolder
-        Where the service's processes meet.
-    """
+    """Publishes the gate's state, and forwards operators' commands to it."""
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
         self._config = config

@@ -57,17 +57,9 @@ class Curve:
 class Plot:
     """What a chart shows.
 
-    Parameters
-    ----------
-    unit : str
-        Of the values.
-    curves : tuple of Curve
-    band : list of (float, float, float)
-        Times with a lower and an upper value, drawn behind the curves.
-    tolerance : float or None
-        Values below count as reached: the scale is logarithmic, and this part of it is marked.
-    is_log : bool
-        All values are positive, and the scale is logarithmic.
+    ``band`` holds times with a lower and an upper value, drawn behind the curves. Values below
+    ``tolerance`` count as reached: the scale is logarithmic, and this part of it is marked.
+    ``is_log``: all values are positive, and the scale is logarithmic.
     """
 
     unit: str

@@ -48,28 +48,10 @@ class Table:
 class Page:
     """A page about a flight.
 
-    Parameters
-    ----------
-    title, verdict : str
-        What it is about, and how it went in one sentence.
-    tone : str
-        ``good``, ``bad`` or nothing.
-    facts, figures : tuple of (str, str)
-        What is known of the flight, and the numbers that matter, each with its name.
-    views, strip : tuple of View
-        Images beside each other: large, and small ones in the order of time.
-    path : str
-        SVG of the path.
-    charts : tuple of (str, Plot)
-        Plots over the same time with their titles.
-    line : TimeLine
-        Time of the plots.
-    tables : tuple of Table
-    texts : tuple of (str, str)
-        Long texts, which open on a click, with their titles.
-    video : Video or None
-    note : str
-        What has to be known of the views.
+    ``tone`` is ``good``, ``bad`` or nothing. ``facts``, ``figures``, ``charts`` and ``texts`` are
+    pairs of a name or title and its content; a text opens on a click. ``views`` are large images,
+    ``strip`` small ones in the order of time, and ``note`` says what has to be known of them.
+    ``path`` is an SVG, and ``line`` the time of the charts.
     """
 
     title: str

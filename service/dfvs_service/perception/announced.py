@@ -21,15 +21,7 @@ OnCamera = Callable[[CameraModel | DfvsError], None]
 
 
 class CameraDoubts:
-    """Warns, once each, of announcements of another camera than the flight's.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        By which is flown.
-    warn : callable
-        Takes a line; to standard error by default.
-    """
+    """Warns, once each, of announcements of another camera than the flight's."""
 
     def __init__(self, camera: CameraModel, warn: Callable[[str], None] = warn) -> None:
         self._camera = camera
@@ -85,11 +77,7 @@ def await_camera(
 ) -> CameraModel | None:
     """Camera that announces itself within ``camera.announced_s``, None if none does.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-    open_link : callable
-        Opens the session to listen on.
+    ``open_link`` opens the session to listen on.
 
     Raises
     ------

@@ -39,16 +39,8 @@ class ProcessedFrame:
 class FrameProcessor:
     """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.
 
-    Parameters
-    ----------
-    camera : CameraModel
-        What every frame must fit.
-    pipeline : Pipeline
-        For the goal at hand.
-    clock : bytes
-        Identity of the clock that frames must be stamped with.
-    tick : callable
-        That clock: monotonic time in ns.
+    Every frame must fit ``camera`` and be stamped with the clock of the identity ``clock``;
+    ``tick`` reads that clock, monotonic ns.
     """
 
     def __init__(

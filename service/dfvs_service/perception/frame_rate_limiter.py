@@ -13,14 +13,8 @@ class FrameRateLimiter:
     Some invalid ones pass all the same, so often that perception reports what is wrong with them
     and never that none came.
 
-    Parameters
-    ----------
-    size : (int, int)
-        Width and height that every frame must have, px.
-    silence_s : float
-        Time without a frame after which perception reports that; two invalid ones pass in it.
-    now_ns : int
-        Monotonic time.
+    ``size`` (width, height) px is that of every frame. After ``silence_s`` without one perception
+    reports that; two invalid ones pass in this time.
     """
 
     def __init__(self, size: tuple[int, int], silence_s: float, now_ns: int) -> None:

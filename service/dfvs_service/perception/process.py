@@ -67,12 +67,7 @@ log = logging.getLogger("dfvs.perception")
 class PerceptionProcess:
     """Takes frames from Zenoh and vehicle states from the gate, and answers with reports.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings, the camera's intrinsics among them.
-    runtime : RuntimeFolder
-        Where the service's processes meet, with the goals to fly to in a row.
+    ``runtime`` holds the goals to fly to in a row.
 
     Raises
     ------

@@ -44,14 +44,8 @@ class RecordPublisher:
     A header is repeated every few seconds while records are published: no record can be read
     without it.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-    topics : Topics
-    report : callable
-        Takes one line about a failure of the thread, from any thread.
-    patience_s : float
-        A recorder is expected: records wait so long for it after the start.
+    ``report`` takes one line about a failure of the thread, from any thread. A recorder is expected
+    where ``patience_s`` is not 0: records wait so long for it after the start.
     """
 
     def __init__(

@@ -20,14 +20,7 @@ class FrameRecorder:
 
     Code and models are hashed once, none of it in flight.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings.
-    clock : bytes
-        Identity of the process's monotonic clock.
-    tick : callable
-        That clock: monotonic time in ns.
+    ``clock`` is the identity of the process's monotonic clock, which ``tick`` reads in ns.
 
     Raises
     ------

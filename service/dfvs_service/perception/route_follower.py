@@ -28,15 +28,8 @@ from dfvs_service.settings.config import ServiceConfig
 class RouteFollower:
     """Where on a route the vehicle is.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings.
-    goals : sequence of Goal
-        In the order in which they are to be reached.
-    workers : Executor
-        Computes previews of the next goal: each costs as much as a match, and the frames that are
-        flown by must not wait for it.
+    ``goals`` are in the order in which they are to be reached. ``workers`` computes previews of the
+    next goal: each costs as much as a match, and no frame must wait for it.
     """
 
     def __init__(self, config: ServiceConfig, goals: Sequence[Goal], workers: Executor) -> None:

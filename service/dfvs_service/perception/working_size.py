@@ -39,14 +39,9 @@ def with_working_size(
 def choose_working_width(image: ImageArray, budget_ns: int, tick: Callable[[], int]) -> int:
     """Largest working width at which a tracked frame fits the budget, else the smallest, px.
 
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        Of the camera's size, such as the goal image. No size above it is a candidate.
-    budget_ns : int
-        Time that a tracked frame may take.
-    tick : callable
-        Monotonic time, ns.
+    ``image`` (H, W, 3) uint8 is of the camera's size, such as the goal image; no size above it is a
+    candidate. ``budget_ns`` is the time that a tracked frame may take, and ``tick`` gives monotonic
+    ns.
     """
     size = (image.shape[0], image.shape[1])
     chosen = WORKING_WIDTHS_PX[0]

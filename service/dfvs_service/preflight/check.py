@@ -119,12 +119,7 @@ def watching(config: ServiceConfig) -> ServiceConfig:
 class Observer:
     """Display that keeps the newest list of checks, and ends the service when it has seen enough.
 
-    Parameters
-    ----------
-    timeout_s : float
-        How long checks may fail until their crosses count.
-    clock : callable
-        Monotonic time, s.
+    Checks may fail for ``timeout_s`` until their crosses count; ``clock`` gives monotonic s.
     """
 
     def __init__(self, timeout_s: float, clock: Callable[[], float] = time.monotonic) -> None:

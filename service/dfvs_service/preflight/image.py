@@ -35,13 +35,8 @@ _STRIDE_PX = 40
 def draw_image(goal: ImageArray, view: View, min_confidence: float) -> ImageArray:
     """Image (H, W, 3) RGB, with units at every number.
 
-    Parameters
-    ----------
-    goal : (H, W, 3) uint8
-    view : View
-        Frame, flow and servo document; what is missing is named in the image.
-    min_confidence : float
-        Flow of less confidence is not drawn.
+    Parts of ``view`` that are missing are named in the image; flow below ``min_confidence`` is not
+    drawn.
     """
     shown = [_scaled(goal), _frame(view, min_confidence, _height(goal))]
     height = max(image.shape[0] for image in shown)

@@ -72,14 +72,7 @@ class ViewCollector:
 
 
 class LiveView:
-    """Subscribes to frame records and flow, from a thread that waits for its operator link.
-
-    Parameters
-    ----------
-    section : ZenohSection
-        Where the service's own processes meet.
-    topics : Topics
-    """
+    """Subscribes to frame records and flow, from a thread that waits for its operator link."""
 
     def __init__(self, section: ZenohSection, topics: Topics) -> None:
         self._section = section

@@ -60,12 +60,8 @@ def stream_checks(config: ServiceConfig, goal: Goal) -> tuple[Check, ...]:
 def listen(take: Callable[[], RawSample | None], tick: Callable[[], int]) -> Stream | None:
     """Take frames for a second from the first one on; None where none comes.
 
-    Parameters
-    ----------
-    take : callable
-        Newest sample in our own wire format, None after a moment without.
-    tick : callable
-        Monotonic time, ns.
+    ``take`` gives the newest sample in our own wire format, None after a moment without; ``tick``
+    gives monotonic ns.
     """
     end_ns = tick() + _PATIENCE_NS
     arrivals: list[int] = []

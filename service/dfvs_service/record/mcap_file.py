@@ -18,12 +18,7 @@ _UINT32 = 0xFFFFFFFF
 class McapFile:
     """An MCAP file that is being written; any call may raise OSError.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
-    notes : mapping
-        Metadata of the file, by name.
+    ``path`` must not exist; ``notes`` are metadata of the file, by name.
     """
 
     def __init__(self, path: Path, notes: Mapping[str, Mapping[str, str]]) -> None:

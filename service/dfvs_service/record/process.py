@@ -36,16 +36,7 @@ def record(
 ) -> RecordSummary:
     """Record a vehicle until the follower is told to stop.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Names the vehicle and the limits.
-    folder : Path
-        Exists.
-    follower : Follower
-        Of that vehicle.
-    show : callable
-        Is called a few times a second.
+    ``folder`` exists; ``show`` is called a few times a second.
     """
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     name = free_name(folder, f"{config.vehicle.name}-{stamp}")

@@ -40,18 +40,8 @@ class RecordCounts:
 class Recorder:
     """Writes one recording.
 
-    Parameters
-    ----------
-    folder : Path
-        Exists.
-    name : str
-        Files are called ``NAME-000.mcap``, ``NAME-001.mcap``, ...
-    section : RecordSection
-        When to begin the next file and when to drop the oldest.
-    tick : callable
-        Monotonic time, ns.
-    warn : callable
-        Takes one line for the user.
+    Files in ``folder``, which exists, are called ``NAME-000.mcap``, ``NAME-001.mcap``, ... ``tick``
+    gives monotonic ns, and ``warn`` takes one line for the user.
     """
 
     def __init__(

@@ -18,12 +18,8 @@ def reasons_to_differ(
 ) -> tuple[str, ...]:
     """In which ways this replay is not the flight; empty: every bit must be the same.
 
-    Parameters
-    ----------
-    header : SessionHeader
-        Of the flight.
-    config, model, build
-        Of the replay: settings, files of the networks with their SHA-256, versions.
+    ``header`` is of the flight; settings, files of the networks with their SHA-256, and versions
+    are of the replay.
     """
     reasons = [
         f"{name} is {_short(build.get(name))}, was {_short(header.build.get(name))}"

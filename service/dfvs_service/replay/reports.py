@@ -15,11 +15,7 @@ _Value = Callable[[FrameDifference], float | None]
 def text_report(comparison: Comparison, reasons: Sequence[str]) -> str:
     """Some lines about a comparison.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    reasons : sequence of str
-        Why the replay may differ; none where it must not.
+    ``reasons`` say why the replay may differ; none where it must not.
     """
     total = len(comparison.frames)
     lines = [_verdict(comparison, reasons)]

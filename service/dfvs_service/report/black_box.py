@@ -28,13 +28,7 @@ _FAULTS = BadReport | ForeignSetpoint | MonitorFailed
 
 
 class BlackBoxFlight:
-    """Flight in a folder of the black box, as far as its records go.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the flight.
-    """
+    """Flight in a folder of the black box, as far as its records go."""
 
     video_rate_hz = 2
     note = (

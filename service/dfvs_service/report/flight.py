@@ -137,19 +137,8 @@ def collect(
 ) -> list[FlightView]:
     """Go through the views up to the end of what a report shows, and pick some.
 
-    Parameters
-    ----------
-    flight : Flight
-    views : iterable of FlightView
-        Oldest first.
-    on_view : callable
-        Is given every view.
-
-    Returns
-    -------
-    list of FlightView
-        Views at even steps of the way that was left; the last one is the last before the vehicle
-        was handed back.
+    ``views`` come oldest first, and ``on_view`` is given every one. Those picked are at even steps
+    of the way that was left; the last one is the last before the vehicle was handed back.
     """
     strip: list[FlightView] = []
     line, (from_s, to_s) = flight.line, flight.flown

@@ -30,16 +30,8 @@ def make_report(
 ) -> str:
     """HTML of a flight with all images in it; its video is written beside it.
 
-    Parameters
-    ----------
-    source : FlightSource
-        Of the flight.
-    flight : Flight
-        What was read of it.
-    video_path : Path
-        Takes the film (VP8 in WebM), replaced once it is whole; a flight without a view has none.
-    show : callable
-        Is given every view once it is in the video.
+    ``video_path`` takes the film (VP8 in WebM), replaced once it is whole; a flight without a view
+    has none. ``show`` is given every view once it is in the video.
 
     Raises
     ------

@@ -23,13 +23,7 @@ _NO_FLOW = "No flow is drawn: {}."
 
 
 class RecordedFlight:
-    """Flight in the files of one recording.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files of the recording.
-    """
+    """Flight in the files of one recording."""
 
     video_rate_hz = 10
 

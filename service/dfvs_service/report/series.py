@@ -88,10 +88,7 @@ def value_at(samples: Samples, t_s: float) -> float:
 class SeriesBuilder:
     """Takes what was recorded, oldest first of each kind.
 
-    Parameters
-    ----------
-    start_ns : int
-        Time 0 of the curves.
+    ``start_ns`` is time 0 of the curves.
     """
 
     def __init__(self, start_ns: int) -> None:

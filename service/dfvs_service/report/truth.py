@@ -12,12 +12,7 @@ from dfvs_service.report.flight import Flight
 def add_truth(flight: Flight, path: Path) -> None:
     """Put the true distance and angle to the goal beside the estimated ones.
 
-    Parameters
-    ----------
-    flight : Flight
-        Its series are filled.
-    path : Path
-        JSON lines with ``t_ns`` (monotonic), ``error_m`` and ``error_rad``.
+    ``path`` holds JSON lines with ``t_ns`` (monotonic), ``error_m`` and ``error_rad``.
 
     Raises
     ------

@@ -47,13 +47,7 @@ _GREY = (110, 119, 129)
 class VideoWriter:
     """Writes the video of a flight, at an even rate and in its own time.
 
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.webm``; is there once the video is whole.
-    flight : Flight
-    rate_hz : int
-        Frames a second.
+    ``path`` ends in ``.webm``, and is there once the video is whole.
     """
 
     def __init__(self, path: Path, flight: Flight, rate_hz: int) -> None:

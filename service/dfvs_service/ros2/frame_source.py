@@ -73,16 +73,7 @@ class WallClock:
 class Ros2FrameSource:
     """Rewrites samples of one ROS 2 image topic.
 
-    Parameters
-    ----------
-    link : {"rmw", "bridge"}
-        How ROS 2 comes to Zenoh.
-    section : Ros2CameraSection
-        Topic and type.
-    clock : bytes
-        Identity of this machine's monotonic clock.
-    clocks : callable
-        Reads both clocks of this machine.
+    ``clock`` is the identity of this machine's monotonic clock; ``clocks`` reads both clocks.
     """
 
     def __init__(

@@ -33,17 +33,8 @@ log = logging.getLogger("dfvs.ros2")
 class Relay:
     """Telemetry of one vehicle, from the service's session to that of ROS 2.
 
-    Parameters
-    ----------
-    vehicle : str
-        Name of the vehicle.
-    sessions : (zenoh.Session, zenoh.Session)
-        Where telemetry comes from, and where it goes to; may be the same.
-    link : {"rmw", "bridge"}
-    domain : int
-        ROS domain.
-    tick : callable
-        Monotonic time, ns.
+    ``sessions`` are where telemetry comes from, and where it goes to; they may be the same.
+    ``domain`` is the ROS domain, and ``tick`` gives monotonic ns.
     """
 
     def __init__(

@@ -55,16 +55,8 @@ def diagnostics_message(
 ) -> Any:
     """DiagnosticArray of the gate's state with its cause, and of the last frame's figures.
 
-    Parameters
-    ----------
-    vehicle : str
-        Name of the vehicle.
-    state : mapping
-        The service's document.
-    servo : mapping or None
-        Its document on the last frame, empty where there was none yet; None where it is old.
-    stamp_ns : int
-        Wall-clock time.
+    ``state`` and ``servo`` are the service's documents; ``servo`` is empty where there was none
+    yet, and None where it is old. ``stamp_ns`` is wall-clock time.
     """
     name = str(state["state"])
     level = _LEVELS.get(name, _WARN)

@@ -106,14 +106,7 @@ _REPORT_S = 2.0
 class RouteProgress:
     """Says which goals were taken, why frames are refused, and that none come.
 
-    Parameters
-    ----------
-    key : str
-        Where frames are awaited.
-    log : callable
-        Takes a line.
-    now_s : callable
-        Monotonic time in s.
+    Frames are awaited at ``key``; ``log`` takes a line, and ``now_s`` gives monotonic s.
     """
 
     def __init__(self, key: str, log: Callable[[str], None], now_s: Callable[[], float]) -> None:

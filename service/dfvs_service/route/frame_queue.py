@@ -64,13 +64,7 @@ def known_camera(config: ServiceConfig) -> CameraModel:
 class FrameQueue:
     """Takes frames from Zenoh, of our own cameras or of ROS 2.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-    config : ServiceConfig
-        Names vehicle and camera.
-    log : callable
-        Takes a line for the user about a frame that cannot be read, once each.
+    ``log`` takes a line for the user about a frame that cannot be read, once each.
     """
 
     ended = False

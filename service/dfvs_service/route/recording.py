@@ -42,16 +42,8 @@ class Event(enum.Enum):
 class RouteRecorder:
     """Saves a goal whenever the last one leaves the view.
 
-    Parameters
-    ----------
-    config : ServiceConfig
-        Resolved settings, the camera's intrinsics among them.
-    folder : Path
-        Takes the goals: 001.png, 001.json and so on.
-    matcher : Matcher
-        The one that is to fly the route later.
-    clocks : Clocks
-    limits : RouteRecordingLimits
+    ``config`` holds the camera's intrinsics. ``folder`` takes the goals: 001.png, 001.json and so
+    on. ``matcher`` is the one that is to fly the route later.
     """
 
     def __init__(

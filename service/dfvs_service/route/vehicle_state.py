@@ -16,10 +16,8 @@ _KEPT = 256
 class VehicleStateListener:
     """Keeps the received states until they are requested.
 
-    Parameters
-    ----------
-    attitude_only : bool
-        Take attitudes alone, as of a vehicle at rest: on a bench PX4 may have no position.
+    ``attitude_only``: take attitudes alone, as of a vehicle at rest; on a bench PX4 may have no
+    position.
     """
 
     def __init__(self, *, attitude_only: bool = False) -> None:
@@ -34,14 +32,8 @@ class VehicleStateListener:
     def connect(self, url: str, timeout_s: float, system_id: int) -> None:
         """Listen to an autopilot; blocks until it is received.
 
-        Parameters
-        ----------
-        url : str
-            MAVLink connection.
-        timeout_s : float
-            Longest wait for a heartbeat.
-        system_id : int
-            MAVLink system id; 0 takes the only autopilot on the link.
+        ``timeout_s`` is the longest wait for a heartbeat; ``system_id`` 0 takes the only autopilot
+        on the link.
 
         Raises
         ------

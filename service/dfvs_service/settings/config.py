@@ -113,12 +113,8 @@ class ServiceConfig:
     ) -> tuple[ServiceConfig, CameraModel]:
         """Fill in what the settings do not say of the camera; return its model as well.
 
-        Parameters
-        ----------
-        size : (int, int)
-            Width and height of the goal image in px, taken where no size is set.
-        sidecar : GoalSidecar or None
-            Gives intrinsics and mounting where none are set.
+        ``size`` (width, height) px of the goal image is taken where none is set; intrinsics and
+        mounting are the sidecar's where none are set.
 
         Raises
         ------

@@ -27,12 +27,8 @@ def settings_from(
 ) -> ServiceConfig:
     """Settings of a file, under those of ``--set``, under those that have their own option.
 
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-        With the options of :func:`add_settings_options`.
-    shortcuts : mapping
-        ``section.key`` to what its own option says, None where it was not given.
+    ``arguments`` have the options of :func:`add_settings_options`. ``shortcuts`` map
+    ``section.key`` to the value of its own option, None where it was not given.
 
     Raises
     ------

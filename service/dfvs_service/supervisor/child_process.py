@@ -50,14 +50,8 @@ def run_child(
 
     Returns the exit code.
 
-    Parameters
-    ----------
-    name : str
-        Of the package that is run.
-    argv : sequence of str, optional
-        Command line.
-    make : callable
-        Makes the process from the settings and the runtime folder.
+    ``name`` is the package that is run; ``make`` makes the process from the settings and the
+    runtime folder.
     """
     runtime = begin_child(name, argv)
     try:

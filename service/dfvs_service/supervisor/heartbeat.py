@@ -34,10 +34,7 @@ class HangDetector:
     was itself away (a suspended or starved machine) does not blame the watched for that time,
     until its pauses since the last heartbeat add up to ``MOST_PAUSES_NS``.
 
-    Parameters
-    ----------
-    now_ns : int
-        Monotonic time at which the process was started.
+    ``now_ns`` is the monotonic time at which the process was started.
     """
 
     def __init__(self, now_ns: int) -> None:

@@ -8,10 +8,7 @@ from collections.abc import Mapping
 class Notifier:
     """Notifies systemd that the service is up and alive; without systemd it does nothing.
 
-    Parameters
-    ----------
-    environment : mapping
-        ``NOTIFY_SOCKET`` in it is systemd's address.
+    ``NOTIFY_SOCKET`` in ``environment`` is systemd's address.
     """
 
     def __init__(self, environment: Mapping[str, str]) -> None:

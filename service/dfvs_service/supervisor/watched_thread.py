@@ -17,16 +17,8 @@ def run_watched(
 ) -> None:
     """Do some work until it returns; whatever it raises is reported, and it is started once more.
 
-    Parameters
-    ----------
-    name : str
-        Of the thread.
-    work : callable
-        Returns when it is done.
-    report : callable
-        Takes one line about each failure; must not block.
-    on_end : callable, optional
-        Takes the line about the failure after which the work is given up.
+    ``report`` takes one line about each failure, and must not block. ``on_end`` takes the line
+    about the failure after which the work is given up.
     """
     for attempt in range(RESTARTS + 1):
         try:

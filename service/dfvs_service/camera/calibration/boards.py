@@ -91,14 +91,8 @@ def parse_board(text: str) -> BoardSpec:
 class BoardView:
     """A board in one image.
 
-    Parameters
-    ----------
-    name : str
-        Of the image.
-    points_m : (N, 3) float32
-        Corners on the board.
-    pixels : (N, 2) float32
-        Where they are seen, px with OpenCV's origin: the first pixel's centre is (0, 0).
+    ``points_m`` (N, 3) are its corners on the board. ``pixels`` (N, 2) are their places in px with
+    OpenCV's origin: the first pixel's centre is (0, 0).
     """
 
     name: str

@@ -33,16 +33,9 @@ _TILTS = {
 class Coverage:
     """What was seen so far.
 
-    Parameters
-    ----------
-    corners : (ROWS, COLUMNS) int
-        Corners seen in each cell of the image.
-    tilts : mapping
-        Images with the board's edge of that name turned away by 15 degrees or more.
-    near : int
-        Images in which the board fills a quarter of the image or more.
-    views : int
-        Images with a board.
+    ``corners`` counts those seen in each cell of the image. ``tilts`` counts the images with the
+    board's edge of that name turned away by 15 degrees or more, ``near`` those in which it fills a
+    quarter of the image or more, and ``views`` all with a board.
     """
 
     corners: NDArray[np.int64]

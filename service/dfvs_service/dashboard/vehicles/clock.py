@@ -29,10 +29,7 @@ class SenderClock:
     no more than the clocks may have drifted apart. Which of both senders it is follows from the
     identity of the sender's clock, and without one from the delay of the quickest message.
 
-    Parameters
-    ----------
-    local_clock : bytes
-        Identity of this machine's clock; ``NO_CLOCK`` where it is not known.
+    ``local_clock`` is the identity of this machine's clock; ``NO_CLOCK`` where it is not known.
     """
 
     def __init__(self, local_clock: bytes = NO_CLOCK) -> None:

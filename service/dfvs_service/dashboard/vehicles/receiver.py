@@ -34,12 +34,7 @@ log = logging.getLogger("dfvs.dashboard")
 class Receiver:
     """Subscribes at one endpoint.
 
-    Parameters
-    ----------
-    config : ZenohSection
-        How to connect.
-    deliver : callable
-        Takes every arrival, on any thread; must return at once.
+    ``deliver`` takes every arrival, on any thread, and must return at once.
     """
 
     def __init__(self, config: ZenohSection, deliver: Callable[[Arrival], None]) -> None:

@@ -57,12 +57,7 @@ _MAX_TIME_NS = 1 << 62
 class VehicleModel:
     """One vehicle as the dashboard sees it.
 
-    Parameters
-    ----------
-    name : str
-        Of the vehicle.
-    local_clock : bytes
-        Identity of this machine's monotonic clock.
+    ``local_clock`` is the identity of this machine's monotonic clock.
     """
 
     def __init__(self, name: str, local_clock: bytes = NO_CLOCK) -> None:

@@ -25,16 +25,9 @@ _THUMBNAIL_WIDTH = 240
 class TelemetryImages:
     """Makes notes of images and flow; called on the telemetry thread.
 
-    Parameters
-    ----------
-    clock : bytes
-        Identity of the clock that frames are stamped with.
-    min_confidence : float
-        The preview shows no flow below.
-    quality : int
-        JPEG quality of the preview, 1 to 100.
-    max_kept_bytes : int
-        Size that fits into a record of the black box.
+    ``clock`` is the identity of the clock that frames are stamped with. The preview has JPEG
+    ``quality`` 1 to 100, and shows no flow below ``min_confidence``. ``max_kept_bytes`` fit into a
+    record of the black box.
     """
 
     def __init__(
