@@ -73,13 +73,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str]) -> int:
-    """Publish until interrupted or until a recording ends; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If the source or an option cannot be used.
-    """
+    """Publish until interrupted or until a recording ends; exit code 0."""
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
     stop = stop_event()

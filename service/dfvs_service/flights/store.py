@@ -27,10 +27,7 @@ def flights_folder(section: BlackBoxSection, environment: Mapping[str, str]) -> 
     ``black_box.folder``, else ``flights`` in systemd's ``$STATE_DIRECTORY``, else
     ``dfvs/flights`` in ``$XDG_STATE_HOME`` or ``~/.local/state``.
 
-    Raises
-    ------
-    ConfigError
-        If none of them is known.
+    Raises ConfigError if none of them is known.
     """
     try:
         if section.folder:
@@ -60,10 +57,7 @@ class FlightStore:
     def names(self) -> list[str]:
         """Names of all flights, oldest first; what is no flight is left out.
 
-        Raises
-        ------
-        ConfigError
-            If the folder cannot be read.
+        Raises ConfigError if the folder cannot be read.
         """
         try:
             return self._found()
@@ -84,10 +78,7 @@ class FlightStore:
     def folder(self, name: str) -> Path:
         """Folder of a flight; ``latest`` is the newest one.
 
-        Raises
-        ------
-        ConfigError
-            If there is no such flight.
+        Raises ConfigError if there is no such flight.
         """
         names = self.names()
         chosen = names[-1] if name == "latest" and names else name
@@ -105,10 +96,7 @@ class FlightStore:
         It is the newest, whatever the clock says: where that stepped back, the name's number grows.
         The mark is the file's lock, which goes when the file is closed, or with the process.
 
-        Raises
-        ------
-        OSError
-            If it cannot be made.
+        Raises OSError if it cannot be made.
         """
         self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
         newest = max(map(_order, self._found()), default=(1, "", ""))
@@ -125,15 +113,12 @@ class FlightStore:
     def make_room(self, max_bytes: int) -> list[str]:
         """Remove the oldest flights until the rest is no larger; running ones are kept.
 
+        Raises OSError if the folder cannot be read.
+
         Returns
         -------
         list of str
             Names of those that were removed.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be read.
         """
         sizes = {name: folder_bytes(self.path / name) for name in self._found()}
         total, removed = sum(sizes.values()), []

@@ -54,10 +54,7 @@ class OperatorLink:
     def run(self) -> None:
         """Work until told to stop.
 
-        Raises
-        ------
-        ConfigError
-            If Zenoh cannot be opened.
+        Raises ConfigError if Zenoh cannot be opened.
         """
         session = self._open()
         if session is not None:

@@ -91,10 +91,7 @@ def render(page: Page) -> str:
 def require_page_extra(command: str) -> None:
     """Say what is missing before any work.
 
-    Raises
-    ------
-    ConfigError
-        If Jinja2 is not installed.
+    Raises ConfigError if Jinja2 is not installed.
     """
     require_package(f"{command} needs", "jinja2", "report")
 

@@ -18,19 +18,13 @@ class FrameSource(Protocol):
     def translate(self, sample: RawSample) -> RawSample:
         """Sample in our own wire format.
 
-        Raises
-        ------
-        DfvsError
-            If it cannot be used.
+        Raises DfvsError if it cannot be used.
         """
 
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera that an announcement describes, None where it is not calibrated.
 
-        Raises
-        ------
-        DfvsError
-            If it cannot be read.
+        Raises DfvsError if it cannot be read.
         """
 
 
@@ -53,10 +47,8 @@ class DfvsFrameSource:
 def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:
     """FrameSource of the camera that the settings name.
 
-    Raises
-    ------
-    ConfigError
-        If ROS 2 is asked for and rosbags is not installed, or a topic's name is none.
+    Raises ConfigError if ROS 2 is asked for and rosbags is not installed, or a topic's name is
+    none.
     """
     source = config.camera.source
     if source == "dfvs":

@@ -33,10 +33,7 @@ class Stream:
 def stream_checks(config: ServiceConfig, goal: Goal) -> tuple[Check, ...]:
     """Listen to the camera for a second, in the service's place.
 
-    Raises
-    ------
-    ConfigError
-        If Zenoh cannot be opened.
+    Raises ConfigError if Zenoh cannot be opened.
     """
     camera = config.camera.model() or goal.sidecar.camera
     refusals: list[str] = []

@@ -133,10 +133,7 @@ class RecordSequencer:
 class Follower:
     """Follows a service, which may come and go, until told to stop.
 
-    Raises
-    ------
-    ConfigError
-        If a certificate's file cannot be used.
+    Raises ConfigError if a certificate's file cannot be used.
     """
 
     def __init__(self, config: ServiceConfig) -> None:

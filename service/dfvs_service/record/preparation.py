@@ -12,10 +12,7 @@ _MODULES = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 def require_record_extra() -> None:
     """Say what is missing before anything is started.
 
-    Raises
-    ------
-    ConfigError
-        If one of the libraries is not installed.
+    Raises ConfigError if one of the libraries is not installed.
     """
     for name in _MODULES:
         require_package("recordings need", name, "record")
@@ -24,10 +21,7 @@ def require_record_extra() -> None:
 def prepare_folder(path: Path) -> Path:
     """Make the folder for recordings, and see that it can be written to.
 
-    Raises
-    ------
-    ConfigError
-        If it cannot.
+    Raises ConfigError if it cannot.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -46,13 +46,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str]) -> int:
-    """Teach until interrupted; returns the exit code.
-
-    Raises
-    ------
-    DfvsError
-        If folder, camera or vehicle cannot be used.
-    """
+    """Teach until interrupted; returns the exit code."""
     arguments = _parser().parse_args(words)
     config = settings_from(arguments, {"vehicle.mavlink": arguments.mavlink})
     if not 0.2 <= arguments.overlap <= 0.95:

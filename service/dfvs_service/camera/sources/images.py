@@ -11,10 +11,7 @@ from dfvs_service.settings.goal_file import is_image, read_image
 def image_paths(place: str) -> list[Path]:
     """Images of a folder in the order of their names, or the one image that is named.
 
-    Raises
-    ------
-    CameraError
-        If there are none.
+    Raises CameraError if there are none.
     """
     path = Path(place)
     if path.is_file():

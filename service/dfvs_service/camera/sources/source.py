@@ -31,12 +31,8 @@ class Source(Protocol):
     def read(self) -> CapturedImage | None:
         """Wait for the next image; None at the end of a recording.
 
-        Raises
-        ------
-        SourceLostError
-            If a live source gives no more images.
-        CameraError
-            If what it gives cannot be used.
+        Raises SourceLostError if a live source gives no more images; CameraError if what it gives
+        cannot be used.
         """
 
     def close(self) -> None:
@@ -46,12 +42,8 @@ class Source(Protocol):
 def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
     """Open a source.
 
-    Raises
-    ------
-    SourceLostError
-        If a live source cannot be reached right now.
-    CameraError
-        If it can never be opened like this.
+    Raises SourceLostError if a live source cannot be reached right now; CameraError if it can never
+    be opened like this.
     """
     if spec.kind is SourceKind.PICAMERA:
         from dfvs_service.camera.sources.picamera import PicameraSource
@@ -69,10 +61,7 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
 def check_size(image: ImageArray, wanted: tuple[int, int] | None, who: str) -> tuple[int, int]:
     """Size (width, height) px of an image, which must be the wanted one where that is not None.
 
-    Raises
-    ------
-    CameraError
-        If it has another size.
+    Raises CameraError if it has another size.
     """
     height, width = image.shape[:2]
     if wanted is not None and (width, height) != wanted:
