@@ -110,10 +110,7 @@ class Manifest:
         An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
         image that the flow starts from) or ``second_``.
 
-        Raises
-        ------
-        ModelError
-            If an input has another name.
+        Raises ModelError if an input has another name.
         """
         made: dict[str, T] = {}
         for side, features in (("first_", first), ("second_", second)):
@@ -165,10 +162,7 @@ class Manifest:
     def from_json(cls, data: bytes) -> Manifest:
         """Read ``manifest.json``.
 
-        Raises
-        ------
-        ModelError
-            If it is not JSON, does not follow the schema, or contradicts itself.
+        Raises ModelError if it is not JSON, does not follow the schema, or contradicts itself.
         """
         try:
             return parse(cls, json.loads(data))
@@ -186,10 +180,7 @@ def sha256(data: bytes) -> str:
 def check_files(manifest: Manifest, contents: Mapping[str, bytes]) -> None:
     """Check the contents of a bundle's files against its manifest.
 
-    Raises
-    ------
-    ModelError
-        If a file is missing, was not announced, or is not what was announced.
+    Raises ModelError if a file is missing, was not announced, or is not what was announced.
     """
     for name in manifest.files:
         if name not in contents:
