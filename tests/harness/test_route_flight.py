@@ -12,7 +12,7 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
-from dfvs_core.perception.route_recording import RouteRecordingLimits
+from dfvs_core.perception.route import RouteRecordingLimits
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor
 from dfvs_service.perception.route_follower import RouteFollower

@@ -3,7 +3,7 @@
 import pytest
 from still_pipeline import servo_result
 
-from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
+from dfvs_core.perception.route import KeyframeDecision, RouteRecordingLimits, evaluate
 from dfvs_core.servo.exchange import Status
 
 LIMITS = RouteRecordingLimits(overlap=0.5, turn_rad=0.35, distance=0.3, stillness=0.05)

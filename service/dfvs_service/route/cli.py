@@ -9,7 +9,7 @@ from dfvs_common.command_line import command_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_core.perception.route_recording import RouteRecordingLimits
+from dfvs_core.perception.route import RouteRecordingLimits
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,

@@ -14,7 +14,7 @@ from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, Mount
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.frame_validator import Expected, GuardState, admit
-from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
+from dfvs_core.perception.route import KeyframeDecision, RouteRecordingLimits, evaluate
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_service.frames import RawSample

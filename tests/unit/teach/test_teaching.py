@@ -13,7 +13,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
-from dfvs_core.perception.route_recording import RouteRecordingLimits
+from dfvs_core.perception.route import RouteRecordingLimits
 from dfvs_service import cli
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
