@@ -132,11 +132,8 @@ def with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
 def runtime_folder(folder: Path | None) -> Iterator[RuntimeFolder]:
     """Private runtime folder: the given one, kept, or a temporary one."""
     if folder is None:
-        temporary = Path(tempfile.mkdtemp(prefix="dfvs-"))
-        try:
-            yield RuntimeFolder(temporary)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+        with tempfile.TemporaryDirectory(prefix="dfvs-", ignore_cleanup_errors=True) as temporary:
+            yield RuntimeFolder(Path(temporary))
         return
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

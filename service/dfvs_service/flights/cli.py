@@ -147,9 +147,7 @@ def _page(summary: FlightSummary) -> list[str]:
         f"verdict  {s.verdict}",
         "",
     ]
-    for change in s.states:
-        detail = f" ({change.detail})" if change.detail else ""
-        lines.append(f"{change.t_s:9.3f} s  {change.state:<9}  {change.cause}{detail}".rstrip())
+    lines += [f"{c.t_s:9.3f} s  {c.state:<9}  {c.reason}".rstrip() for c in s.states]
     lines += ["", *s.told] if s.told else []
     inputs = Path(s.folder) / layout.GATE_INPUTS
     return [*lines, "", f"decide it again: dfvs-service replay-gate {inputs}"]

@@ -27,6 +27,11 @@ class StateChange:
     cause: str
     detail: str
 
+    @property
+    def reason(self) -> str:
+        """Cause with its detail."""
+        return f"{self.cause} ({self.detail})" if self.detail else self.cause
+
 
 @dataclass(frozen=True, slots=True)
 class FlightSummary:
@@ -114,7 +119,7 @@ def _verdict(
     if not states:
         return f"ended with exit code {code} before the first state"
     last = states[-1]
-    verdict = f"ended in {last.state}: {last.cause}" + (f" ({last.detail})" if last.detail else "")
+    verdict = f"ended in {last.state}: {last.reason}"
     waits = [line for line in told if line.startswith("not ready: ")]
     was_ready = any(change.state == GateState.READY for change in states)
     return verdict if was_ready or not waits else f"{verdict}; {waits[-1]}"

@@ -110,18 +110,13 @@ class FlightStore:
                 return self.path / name, _lock(self.path / name)
         raise RuntimeError("the endless row of names has ended")
 
-    def make_room(self, max_bytes: int) -> list[str]:
+    def make_room(self, max_bytes: int) -> None:
         """Remove the oldest flights until the rest is no larger; running ones are kept.
 
         Raises OSError if the folder cannot be read.
-
-        Returns
-        -------
-        list of str
-            Names of those that were removed.
         """
         sizes = {name: folder_bytes(self.path / name) for name in self._found()}
-        total, removed = sum(sizes.values()), []
+        total = sum(sizes.values())
         for name, size in sizes.items():
             if total <= max_bytes:
                 break
@@ -129,8 +124,6 @@ class FlightStore:
                 continue
             shutil.rmtree(self.path / name, ignore_errors=True)
             total -= size
-            removed.append(name)
-        return removed
 
 
 def _lock(folder: Path) -> IO[str]:

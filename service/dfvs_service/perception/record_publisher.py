@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import zenoh
 
@@ -25,17 +25,9 @@ _RECORD_BYTES = 4096
 _HEADER_PERIOD_S = 5.0
 """A recorder that has missed the session header waits at most so long for it."""
 
+_Queued: TypeAlias = tuple[SessionHeader | FrameRecord, bytes]
+
 log = logging.getLogger("dfvs.perception.record")
-
-
-@dataclass(frozen=True, slots=True)
-class _QueuedRecord:
-    message: SessionHeader | FrameRecord
-    payload: bytes
-
-    @property
-    def weight(self) -> int:
-        return _RECORD_BYTES + len(self.payload)
 
 
 class RecordPublisher:
@@ -57,7 +49,7 @@ class RecordPublisher:
     ) -> None:
         self._patience_s = patience_s
         self._condition = threading.Condition()
-        self._waiting: deque[_QueuedRecord] = deque()
+        self._waiting: deque[_Queued] = deque()
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
@@ -76,16 +68,16 @@ class RecordPublisher:
 
     def offer(self, message: SessionHeader | FrameRecord, payload: bytes = b"") -> None:
         """Hand on a message; a frame record that finds the queue full is dropped and counted."""
-        queued = _QueuedRecord(message, payload)
+        size_bytes = _RECORD_BYTES + len(payload)
         is_record = isinstance(message, FrameRecord)
         if is_record and not self.wanted:
             return
         with self._condition:
-            if is_record and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
+            if is_record and self._waiting_bytes + size_bytes > MAX_WAITING_BYTES:
                 self.dropped += 1
                 return
-            self._waiting.append(queued)
-            self._waiting_bytes += queued.weight
+            self._waiting.append((message, payload))
+            self._waiting_bytes += size_bytes
             self._condition.notify()
 
     def close(self, timeout_s: float = 0.25) -> None:
@@ -106,15 +98,16 @@ class RecordPublisher:
 
     def _publish(self) -> None:
         while (queued := self._next()) is not None:
+            message, payload = queued
             try:
-                if isinstance(queued.message, SessionHeader):
-                    self._header = pack(queued.message, queued.payload)
+                if isinstance(message, SessionHeader):
+                    self._header = pack(message, payload)
                     self._put_header()
                     self._await_recorder()
                 elif self.wanted:
                     if time.monotonic() > self._repeat_at_s:
                         self._put_header()
-                    self._records.put(pack(queued.message, queued.payload))
+                    self._records.put(pack(message, payload))
             except zenoh.ZError as error:
                 log.warning("frame record not published: %s", error)
 
@@ -130,12 +123,12 @@ class RecordPublisher:
                 self.wanted = has_subscriber(self._records)
             self._patience_s = 0.0
 
-    def _next(self) -> _QueuedRecord | None:
+    def _next(self) -> _Queued | None:
         with self._condition:
             while not self._waiting and not self._closed:
                 self._condition.wait()
             if not self._waiting:
                 return None
-            queued = self._waiting.popleft()
-            self._waiting_bytes -= queued.weight
-            return queued
+            message, payload = self._waiting.popleft()
+            self._waiting_bytes -= _RECORD_BYTES + len(payload)
+            return message, payload

@@ -2,6 +2,7 @@
 
 import enum
 import json
+from collections import Counter
 from dataclasses import dataclass
 
 from dfvs_core.gate.checks.preflight import Check
@@ -74,9 +75,7 @@ class CheckReport:
         return "\n".join([*lines, f"{self.vehicle}: {self._summary()}"])
 
     def _summary(self) -> str:
-        counts = dict.fromkeys(Status, 0)
-        for check in self.checks:
-            counts[self.status(check)] += 1
+        counts = Counter(map(self.status, self.checks))
         summary = []
         if counts[Status.FAILURE]:
             summary.append(f"{counts[Status.FAILURE]} of {len(self.checks)} checks fail")

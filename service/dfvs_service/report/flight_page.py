@@ -206,10 +206,7 @@ def _caption(flight: Flight, view: FlightView) -> str:
 
 
 def _states(flight: Flight) -> Table:
-    rows = tuple(
-        (f"{c.t_s:.2f}", c.state, c.cause + (f" ({c.detail})" if c.detail else ""))
-        for c in flight.summary.states
-    )
+    rows = tuple((f"{c.t_s:.2f}", c.state, c.reason) for c in flight.summary.states)
     return Table("States", ("s", "state", "cause"), rows, ("s",))
 
 
