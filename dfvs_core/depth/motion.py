@@ -10,12 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
-from dfvs_core.depth.source import (
-    UNKNOWN_VARIANCE,
-    DepthState,
-    EarlierView,
-    GoalLink,
-)
+from dfvs_core.depth.source import UNKNOWN_VARIANCE, DepthState, EarlierView, GoalLink
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import homogeneous
 from dfvs_core.geometry.poses import invert_pose

@@ -15,12 +15,7 @@ import numpy as np
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.geometry.poses import (
-    R_BODY_FORWARD_CAMERA,
-    make_pose,
-    rotation_from_euler,
-    so3_log,
-)
+from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler, so3_log
 from dfvs_core.messages.schema import dump, parse, setting, to_text
 
 GOAL_FORMAT = "dfvs-goal/1"

@@ -59,10 +59,7 @@ def normal_equations(J: FloatArray, residual: FloatArray, weight: FloatArray) ->
 
 
 def servo_motion(
-    points: ServoPoints,
-    basis: MotionBasis,
-    z_goal_m: FloatArray | None,
-    damping: float,
+    points: ServoPoints, basis: MotionBasis, z_goal_m: FloatArray | None, damping: float
 ) -> tuple[FloatArray, NormalEquations]:
     """Motion (d,) (m, rad) that the law asks for at gain 1, with its normal equations.
 

@@ -177,10 +177,7 @@ def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
 
 
 def _judge(
-    task: ServoTask,
-    pose: GoalPose,
-    equations: NormalEquations,
-    measures: MotionMeasures,
+    task: ServoTask, pose: GoalPose, equations: NormalEquations, measures: MotionMeasures
 ) -> Status:
     """Status of the frame: whether its velocity may be flown, and if not why not."""
     config = task.config
@@ -256,11 +253,7 @@ def _caution(task: ServoTask, overlap: float, residual_px: float) -> float:
 
 
 def _velocity(
-    task: ServoTask,
-    motion: FloatArray,
-    estimate: GoalEstimate,
-    inputs: ServoInputs,
-    caution: float,
+    task: ServoTask, motion: FloatArray, estimate: GoalEstimate, inputs: ServoInputs, caution: float
 ) -> FloatArray:
     """Velocity (d,) within the limits; ``caution`` is a factor on the gain.
 

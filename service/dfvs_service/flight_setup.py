@@ -21,11 +21,7 @@ from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import (
-    checked_goal,
-    read_image,
-    read_sidecar,
-)
+from dfvs_service.settings.goal_file import checked_goal, read_image, read_sidecar
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines, Display, JsonLines, LiveLine

@@ -95,10 +95,7 @@ def begin_mounting(t_ns: int, R_world_body: FloatArray) -> MountingState:
 
 
 def follow_mounting(
-    state: MountingState,
-    now: MountingState,
-    turn: ImageTurn | None,
-    R_body_camera: FloatArray,
+    state: MountingState, now: MountingState, turn: ImageTurn | None, R_body_camera: FloatArray
 ) -> MountingState:
     """State after a frame.
 

@@ -7,22 +7,11 @@ import numpy as np
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
-from dfvs_core.depth.source import (
-    DepthState,
-    EarlierView,
-    GoalLink,
-    constant_depth,
-)
+from dfvs_core.depth.source import DepthState, EarlierView, GoalLink, constant_depth
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
-from dfvs_core.servo.exchange import (
-    Attitude,
-    EarlierMatch,
-    LastFrame,
-    ServoInputs,
-    ServoState,
-)
+from dfvs_core.servo.exchange import Attitude, EarlierMatch, LastFrame, ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import restructured
 from dfvs_core.servo.level import level_points, real_pose
 from dfvs_core.servo.motion import find_goal, wanted_motion

@@ -92,10 +92,7 @@ def make_app(dashboard: Dashboard) -> Starlette:
         await ClientSession(socket, dashboard.context).serve()
 
     return Starlette(
-        routes=[
-            WebSocketRoute("/live", visit),
-            Mount("/", StaticFiles(directory=PAGE, html=True)),
-        ],
+        routes=[WebSocketRoute("/live", visit), Mount("/", StaticFiles(directory=PAGE, html=True))],
         middleware=[Middleware(OriginCheckMiddleware, address=dashboard.address)],
         lifespan=lifespan,
     )

@@ -12,11 +12,7 @@ from dfvs_common.lifecycle import EXIT_FAILED, ORPHANED, cannot_run
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
 from dfvs_service.gate.autopilot import Autopilot
-from dfvs_service.gate.process import (
-    GateProcess,
-    SilentLink,
-    start_autopilot,
-)
+from dfvs_service.gate.process import GateProcess, SilentLink, start_autopilot
 from dfvs_service.settings.config import config_from_json
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.supervisor.child_process import begin_child, prefer_this_process

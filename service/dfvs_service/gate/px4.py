@@ -57,11 +57,7 @@ _SENSORS = {
 }
 _PREARM_CHECK = 0x10000000
 """Set in ``health`` alone, where the present mode can be armed (PX4 from 1.13 on)."""
-_ESTIMATES = {
-    1: "attitude",
-    2: "horizontal velocity",
-    4: "vertical velocity",
-}
+_ESTIMATES = {1: "attitude", 2: "horizontal velocity", 4: "vertical velocity"}
 _GLOBAL_POSITION_FLAG = 16
 _POSITION_FLAGS = 8 | _GLOBAL_POSITION_FLAG
 

@@ -53,12 +53,7 @@ def gate_status(
         in_air=vehicle.landed.in_air,
         battery=vehicle.battery.remaining,
         heartbeat_age_s=_age_s(heartbeat.t_ns, now_ns),
-        setpoint=(
-            setpoint.forward_m_s,
-            setpoint.right_m_s,
-            setpoint.down_m_s,
-            setpoint.yaw_rad_s,
-        ),
+        setpoint=(setpoint.forward_m_s, setpoint.right_m_s, setpoint.down_m_s, setpoint.yaw_rad_s),
         distance_m=machine.distance_m if math.isfinite(machine.distance_m) else None,
         challenge=challenge,
         command_result=_cut(command[0]),

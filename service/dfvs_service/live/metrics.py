@@ -26,18 +26,12 @@ _GAUGES = {
         "dfvs_error_stddev_meters",
         "Standard deviation of the estimated distance to the goal.",
     ),
-    "mean_error_m": (
-        "dfvs_mean_error_meters",
-        "Mean distance to the goal over the last second.",
-    ),
+    "mean_error_m": ("dfvs_mean_error_meters", "Mean distance to the goal over the last second."),
     "mean_error_spread_m": (
         "dfvs_mean_error_stddev_meters",
         "Standard deviation about the mean distance over the last second.",
     ),
-    "scale_spread": (
-        "dfvs_scale_stddev_ratio",
-        "Relative standard deviation of the metric scale.",
-    ),
+    "scale_spread": ("dfvs_scale_stddev_ratio", "Relative standard deviation of the metric scale."),
     "odometry_error_m_s": (
         "dfvs_odometry_error_meters_per_second",
         "Expected error of the odometry, standard deviation per axis.",
@@ -71,9 +65,7 @@ _AGE = (
     "Time since a stream was last heard: everything else here is as old.",
     "stream",
 )
-_UNREADABLE = {
-    "unreadable": ("dfvs_telemetry_unreadable", "Telemetry that was not understood."),
-}
+_UNREADABLE = {"unreadable": ("dfvs_telemetry_unreadable", "Telemetry that was not understood.")}
 _Family = type[GaugeMetricFamily] | type[CounterMetricFamily]
 
 
@@ -141,10 +133,7 @@ class FlightMetrics:
         yield from self._numbers(CounterMetricFamily, _UNREADABLE, {"unreadable": unreadable})
 
     def _numbers(
-        self,
-        family: _Family,
-        names: Mapping[str, tuple[str, str]],
-        document: Mapping[str, Any],
+        self, family: _Family, names: Mapping[str, tuple[str, str]], document: Mapping[str, Any]
     ) -> Iterator[Metric]:
         """A metric for every number that the document holds; unknown ones are left out."""
         for key, (name, text) in names.items():

@@ -13,11 +13,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.live.metrics import FlightMetrics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import (
-    open_persistently,
-    require_usable_files,
-    subscribe_json,
-)
+from dfvs_service.zenoh_session import open_persistently, require_usable_files, subscribe_json
 
 _STREAMS = ("state", "servo", "timing")
 _CONNECT_PAUSE_S = 0.5

@@ -90,10 +90,7 @@ def _settings_checks(config: ServiceConfig) -> tuple[Check, ...]:
 
 
 def _watch(
-    config: ServiceConfig,
-    goal: Goal,
-    runtime: RuntimeFolder,
-    timeout_s: float,
+    config: ServiceConfig, goal: Goal, runtime: RuntimeFolder, timeout_s: float
 ) -> tuple[Check, ...]:
     """Checks of the gate itself, once they pass or the time is up."""
     prepare_runtime(runtime, watching(config), goal)

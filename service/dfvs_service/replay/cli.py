@@ -38,9 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = program_parser(
-        "dfvs-replay",
-        "Run perception again on a recorded flight. Nothing is flown.",
-        _EXAMPLE,
+        "dfvs-replay", "Run perception again on a recorded flight. Nothing is flown.", _EXAMPLE
     )
     add = parser.add_argument
     add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")

@@ -167,9 +167,5 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
             times_s.append(entry.run.seconds(entry.message.t_ns))
             show(len(frames))
     return Replay(
-        tuple(frames),
-        tuple(flight.reasons),
-        tuple(times_s),
-        tuple(states.changes),
-        tuple(warnings),
+        tuple(frames), tuple(flight.reasons), tuple(times_s), tuple(states.changes), tuple(warnings)
     )

@@ -11,10 +11,7 @@ _SHOWN_CHARACTERS = 24
 
 
 def reasons_to_differ(
-    header: SessionHeader,
-    config: ServiceConfig,
-    model: Mapping[str, str],
-    build: Mapping[str, str],
+    header: SessionHeader, config: ServiceConfig, model: Mapping[str, str], build: Mapping[str, str]
 ) -> tuple[str, ...]:
     """In which ways this replay is not the flight; empty: every bit must be the same.
 

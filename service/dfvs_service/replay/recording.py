@@ -195,8 +195,7 @@ def _begin(path: Path, topic: str, data: bytes) -> Entry:
         return Entry(from_json(_MESSAGES[topic], data))
     except WireError as error:
         raise RecordingError(
-            f"{path} was made by another version: {error.problem}",
-            "a recording of this version",
+            f"{path} was made by another version: {error.problem}", "a recording of this version"
         ) from error
 
 

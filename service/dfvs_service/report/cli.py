@@ -63,12 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FLIGHT",
         help="a flight's folder or name, 'latest', or the files of a recording (MCAP)",
     )
-    add(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="page, replaced if it exists (default: NAME.html)",
-    )
+    add("--out", type=Path, metavar="FILE", help="page, replaced if it exists (default: NAME.html)")
     add(
         "--film",
         type=Path,

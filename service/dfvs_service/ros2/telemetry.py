@@ -16,13 +16,7 @@ IMAGE = "sensor_msgs/msg/CompressedImage"
 
 BODY, CAMERA = "base_link", "camera_optical"
 _OK, _WARN, _ERROR = 0, 1, 2
-_LEVELS = {
-    "READY": _OK,
-    "ENGAGE": _OK,
-    "SERVO": _OK,
-    "DONE": _OK,
-    "ABORT": _ERROR,
-}
+_LEVELS = {"READY": _OK, "ENGAGE": _OK, "SERVO": _OK, "DONE": _OK, "ABORT": _ERROR}
 _SERVO_VALUES = (
     "error_m",
     "error_spread_m",

@@ -54,10 +54,7 @@ class BlackBoxSection:
         500.0, "largest size of one flight, MB", low=10.0, high=100_000.0
     )
     max_total_mb: float = setting(
-        5000.0,
-        "size of all flights beyond which the oldest go",
-        low=10.0,
-        high=10_000_000.0,
+        5000.0, "size of all flights beyond which the oldest go", low=10.0, high=10_000_000.0
     )
     min_free_mb: float = setting(
         200.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0

@@ -45,10 +45,7 @@ _QUIET_END_S = 0.8
 _CONSOLE_END_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
 _MAX_FAULT = 200
-_LOSSES = {
-    "recorder": "nothing more is recorded",
-    "black box": "no more of this flight is kept",
-}
+_LOSSES = {"recorder": "nothing more is recorded", "black box": "no more of this flight is kept"}
 
 
 @dataclass(frozen=True, slots=True)

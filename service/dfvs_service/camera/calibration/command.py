@@ -106,9 +106,7 @@ def run(words: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
-        "dfvs-camera calibrate",
-        "Find a camera's intrinsics from images of a board.",
-        _EPILOG,
+        "dfvs-camera calibrate", "Find a camera's intrinsics from images of a board.", _EPILOG
     )
     _board_option(parser)
     add_source_options(parser)

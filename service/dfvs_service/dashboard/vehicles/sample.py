@@ -8,13 +8,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame import (
-    NO_CLOCK,
-    FrameHeader,
-    PixelFormat,
-    decode_frame,
-    decode_header,
-)
+from dfvs_core.messages.frame import NO_CLOCK, FrameHeader, PixelFormat, decode_frame, decode_header
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.dashboard.outbox import ImageKind
