@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from dfvs_common.command_line import program_parser, require_file, require_page
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
+from dfvs_core.gate.config import S
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.report.source import MCAP, open_flight
@@ -23,7 +25,7 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.child import use_one_blas_thread
 
 if TYPE_CHECKING:
-    from dfvs_service.report.flight import FlightSource
+    from dfvs_service.report.flight import Flight, FlightSource
 
 _NICENESS = 10
 _SHOW_S = 0.5
@@ -98,7 +100,6 @@ def _write(arguments: argparse.Namespace) -> int:
     require_file("--film", video)
     # Jinja2 and OpenCV take their time to load.
     from dfvs_service.report.flight_page import make_report
-    from dfvs_service.report.truth import add_truth
 
     flight = source.read()
     count = len(flight.engagements)
@@ -123,6 +124,26 @@ def _write(arguments: argparse.Namespace) -> int:
     else:
         print(f"{flight.summary.verdict}\nwrote {' and '.join(map(str, written))}")
     return EXIT_OK
+
+
+def add_truth(flight: Flight, path: Path) -> None:
+    """Put the true distance and angle to the goal beside the estimated ones.
+
+    ``path`` holds JSON lines with ``t_ns`` (monotonic), ``error_m`` and ``error_rad``.
+
+    Raises ConfigError if the file cannot be read or holds something else.
+    """
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            record = json.loads(line)
+            t_s = (int(record["t_ns"]) - flight.start_ns) / S
+            flight.series.true_m.append((t_s, float(record["error_m"])))
+            flight.series.true_deg.append((t_s, math.degrees(float(record["error_rad"]))))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(
+            f"the true errors cannot be read from {path} ({error!r})",
+            "JSON lines with t_ns, error_m and error_rad",
+        ) from error
 
 
 def _source(arguments: argparse.Namespace) -> FlightSource:

@@ -1,6 +1,5 @@
 """Conversion of sensor_msgs Image, CompressedImage and CameraInfo to the DFVS wire format."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +7,6 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import WireError
-from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, image_size
@@ -29,51 +27,37 @@ class Pixels:
 
 @dataclass(frozen=True, slots=True)
 class _Encoding:
-    """Bytes a pixel, and how rows (H, W, bytes) become our payload."""
+    """Bytes a pixel, our format, and OpenCV's conversion to it where there is one."""
 
     bytes_per_pixel: int
     pixel_format: PixelFormat
-    convert: Callable[[ImageArray, bool], ImageArray]
-
-
-def _as_they_are(rows: ImageArray, _is_bigendian: bool) -> ImageArray:
-    return rows
-
-
-def _high_byte(rows: ImageArray, is_bigendian: bool) -> ImageArray:
-    return rows[:, :, :1] if is_bigendian else rows[:, :, 1:]
-
-
-def _by_opencv(code: int) -> Callable[[ImageArray, bool], ImageArray]:
-    def convert(rows: ImageArray, _is_bigendian: bool) -> ImageArray:
-        return cv2.cvtColor(np.ascontiguousarray(rows), code).astype(np.uint8, copy=False)
-
-    return convert
+    conversion: int | None = None
 
 
 _RGB, _BGR, _MONO = PixelFormat.RGB8, PixelFormat.BGR8, PixelFormat.MONO8
-_WITHOUT_ALPHA = _by_opencv(cv2.COLOR_RGBA2RGB)  # which drops the fourth of any order
-_UYVY = _Encoding(2, _RGB, _by_opencv(cv2.COLOR_YUV2RGB_UYVY))
-_YUYV = _Encoding(2, _RGB, _by_opencv(cv2.COLOR_YUV2RGB_YUYV))
+_WITHOUT_ALPHA = cv2.COLOR_RGBA2RGB  # which drops the fourth of any order
+_UYVY = _Encoding(2, _RGB, cv2.COLOR_YUV2RGB_UYVY)
+_YUYV = _Encoding(2, _RGB, cv2.COLOR_YUV2RGB_YUYV)
+_MONO16 = _Encoding(2, _MONO)
 _ENCODINGS = {
-    "rgb8": _Encoding(3, _RGB, _as_they_are),
-    "bgr8": _Encoding(3, _BGR, _as_they_are),
-    "8UC3": _Encoding(3, _BGR, _as_they_are),
+    "rgb8": _Encoding(3, _RGB),
+    "bgr8": _Encoding(3, _BGR),
+    "8UC3": _Encoding(3, _BGR),
     "rgba8": _Encoding(4, _RGB, _WITHOUT_ALPHA),
     "bgra8": _Encoding(4, _BGR, _WITHOUT_ALPHA),
     "8UC4": _Encoding(4, _BGR, _WITHOUT_ALPHA),
-    "mono8": _Encoding(1, _MONO, _as_they_are),
-    "8UC1": _Encoding(1, _MONO, _as_they_are),
-    "mono16": _Encoding(2, _MONO, _high_byte),
-    "16UC1": _Encoding(2, _MONO, _high_byte),
+    "mono8": _Encoding(1, _MONO),
+    "8UC1": _Encoding(1, _MONO),
+    "mono16": _MONO16,
+    "16UC1": _MONO16,
     "yuv422": _UYVY,
     "uyvy": _UYVY,
     "yuv422_yuy2": _YUYV,
     "yuyv": _YUYV,
-    "bayer_rggb8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerRGGB2RGB)),
-    "bayer_bggr8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerBGGR2RGB)),
-    "bayer_gbrg8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerGBRG2RGB)),
-    "bayer_grbg8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerGRBG2RGB)),
+    "bayer_rggb8": _Encoding(1, _RGB, cv2.COLOR_BayerRGGB2RGB),
+    "bayer_bggr8": _Encoding(1, _RGB, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg8": _Encoding(1, _RGB, cv2.COLOR_BayerGBRG2RGB),
+    "bayer_grbg8": _Encoding(1, _RGB, cv2.COLOR_BayerGRBG2RGB),
 }
 
 
@@ -114,8 +98,11 @@ def from_image(message: Any) -> Pixels:
     rows = message.data.reshape(height, step)[:, :row_bytes].reshape(height, width, -1)
     if encoding in (_UYVY, _YUYV) and width % 2:
         raise WireError(f"ROS 2 image {message.encoding} of {width} px", "an even width")
-    pixels = encoding.convert(rows, bool(message.is_bigendian))
-    return Pixels(pixels.tobytes(), encoding.pixel_format, width, height, stamp_ns(message))
+    if encoding is _MONO16:  # of which the high byte counts
+        rows = rows[:, :, :1] if message.is_bigendian else rows[:, :, 1:]
+    elif encoding.conversion is not None:
+        rows = cv2.cvtColor(np.ascontiguousarray(rows), encoding.conversion)
+    return Pixels(rows.tobytes(), encoding.pixel_format, width, height, stamp_ns(message))
 
 
 def _check_size(width: int, height: int) -> None:
