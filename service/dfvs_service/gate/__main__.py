@@ -5,7 +5,6 @@ import shutil
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import EXIT_FAILED, ORPHANED, cannot_run
@@ -18,9 +17,9 @@ from dfvs_service.settings.key_file import load_key
 from dfvs_service.supervisor.child_process import begin_child, prefer_this_process
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Run the gate; its standard input is the parent's pipe."""
-    runtime = begin_child("dfvs_service.gate", argv, __doc__)
+    runtime = begin_child("dfvs_service.gate", __doc__)
     config = config_from_json(runtime.config.read_text(encoding="utf-8"))
     key_file = config.gate.command_key_file
     key = load_key(Path(key_file)) if key_file else None

@@ -50,7 +50,7 @@ def _serve(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
     config = settings_from(arguments)
     # Prometheus' client and Zenoh take their time to load.
-    from dfvs_service.live.metrics_server import serve_metrics
+    from dfvs_service.live.metrics import serve_metrics
 
     serve_metrics(config, arguments.address, arguments.port)
     return EXIT_OK

@@ -2,17 +2,10 @@
 
 import logging
 import sys
-from collections.abc import Sequence
 
 from dfvs_service.perception.process import PerceptionProcess
 from dfvs_service.supervisor.child_process import run_child
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run perception until SIGTERM."""
-    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    return run_child("dfvs_service.perception", argv, PerceptionProcess)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    sys.exit(run_child("dfvs_service.perception", PerceptionProcess))

@@ -4,7 +4,7 @@ import argparse
 import contextlib
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
@@ -13,6 +13,8 @@ from dfvs_common.lifecycle import EXIT_OK, ORPHANED, cannot_run, end_with_parent
 from dfvs_core.errors import DfvsError
 from dfvs_service.settings.config import ServiceConfig, config_from_json
 from dfvs_service.settings.runtime import RuntimeFolder
+
+_NICE = -10
 
 
 class ChildProcess(Protocol):
@@ -25,35 +27,26 @@ class ChildProcess(Protocol):
         """Work until told to stop."""
 
 
-def begin_child(
-    name: str, argv: Sequence[str] | None, description: str | None = None
-) -> RuntimeFolder:
+def begin_child(name: str, description: str | None = None) -> RuntimeFolder:
     """Read a child process's command line, and leave its end to its parent.
 
     A terminal's Ctrl-C and its closing reach all processes: the parent sends SIGTERM.
     """
     parser = argparse.ArgumentParser(prog=name, description=description)
     parser.add_argument("--runtime", type=Path, required=True)
-    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
+    runtime = RuntimeFolder(parser.parse_args().runtime)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     end_with_parent(number=ORPHANED)
     return runtime
 
 
-def run_child(
-    name: str,
-    argv: Sequence[str] | None,
-    make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess],
-) -> int:
-    """Run a child process of the service until SIGTERM, or until its parent is gone.
+def run_child(name: str, make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess]) -> int:
+    """Run the child process of a package until SIGTERM, or until its parent is gone.
 
-    Returns the exit code.
-
-    ``name`` is the package that is run; ``make`` makes the process from the settings and the
-    runtime folder.
+    ``make`` makes it from the settings and the runtime folder. Returns the exit code.
     """
-    runtime = begin_child(name, argv)
+    runtime = begin_child(name)
     try:
         process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
         for number in (signal.SIGTERM, ORPHANED):
@@ -64,9 +57,6 @@ def run_child(
     return EXIT_OK
 
 
-NICE = -10
-
-
 def prefer_this_process() -> None:
     """Ask the kernel to run this process before others; without the right to, change nothing.
 
@@ -74,4 +64,4 @@ def prefer_this_process() -> None:
     with systemd's ``Nice=`` or CAP_SYS_NICE.
     """
     with contextlib.suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
