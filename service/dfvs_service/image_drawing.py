@@ -62,6 +62,13 @@ def draw_flow_key(image: ImageArray, at: tuple[int, int]) -> None:
         write_text(image, text, (x + 120, y), INK)
 
 
+def at_width(image: ImageArray, width_px: int) -> ImageArray:
+    """Image (H, W, 3) made so wide, at its own ratio of sides."""
+    height, width = image.shape[:2]
+    size = (width_px, max(round(height * width_px / width), 1))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def resized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
     """Image at a size (height, width)."""
     is_smaller = size[0] < image.shape[0]

@@ -76,13 +76,10 @@ class Outbox:
 
     async def next(self) -> tuple[str | None, list[bytes]]:
         """Text and images to be sent now; waits until there is something."""
-        while not self._is_worth_sending():
+        while not (self._update or self._rows or self._sendable()):
             self._ready.clear()
             await self._ready.wait()
         return self._next_text(), self._next_images()
-
-    def _is_worth_sending(self) -> bool:
-        return bool(self._update or self._rows or self._sendable())
 
     def _sendable(self) -> list[ImageKind]:
         is_clogged = self._unseen >= MAX_UNSEEN

@@ -40,11 +40,6 @@ def flights_folder(section: BlackBoxSection, environment: Mapping[str, str]) -> 
         ) from error
 
 
-def flight_name(vehicle: str, t_unix_s: float) -> str:
-    """Name of a flight that began then."""
-    return time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(t_unix_s)) + f"-{vehicle}"
-
-
 class FlightStore:
     """Flights of a folder, one folder each.
 
@@ -100,7 +95,7 @@ class FlightStore:
         """
         self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
         newest = max(map(_order, self._found()), default=(1, "", ""))
-        date_name = flight_name(vehicle, t_unix_s)
+        date_name = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(t_unix_s)) + f"-{vehicle}"
         for number in itertools.count(newest[0]):
             name = date_name if number == 1 else f"{date_name}.{number}"
             if _order(name) <= newest:

@@ -5,12 +5,11 @@ import hashlib
 import importlib.resources
 from dataclasses import dataclass
 
-import cv2
-
 from dfvs_common.extras import require_package
 from dfvs_common.templates import templates
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import encode_jpeg
+from dfvs_service.image_drawing import at_width
 from dfvs_service.page.charts import Plot, TimeLine, time_chart
 
 _VIEW_WIDTH = 480
@@ -98,8 +97,6 @@ def require_page_extra(command: str) -> None:
 
 def data_url(image: ImageArray) -> str:
     """An image (H, W, 3) RGB as a data URL of a JPEG, no wider than the page shows it."""
-    height, width = image.shape[:2]
-    if width > _VIEW_WIDTH:
-        size = (_VIEW_WIDTH, max(round(height * _VIEW_WIDTH / width), 1))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+    if image.shape[1] > _VIEW_WIDTH:
+        image = at_width(image, _VIEW_WIDTH)
     return "data:image/jpeg;base64," + base64.b64encode(encode_jpeg(image)).decode()

@@ -1,5 +1,6 @@
 """Newest frame of perception with its flow and result, from a service that runs."""
 
+import contextlib
 import math
 import threading
 from collections import deque
@@ -104,9 +105,7 @@ class LiveView:
 
 def _taker(take: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
     def receive_sample(sample: zenoh.Sample) -> None:
-        try:
+        with contextlib.suppress(WireError):  # of another service's version
             take(sample.payload.to_bytes())
-        except WireError:  # of another service's version
-            return
 
     return receive_sample

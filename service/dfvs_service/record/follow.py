@@ -119,15 +119,12 @@ class RecordSequencer:
                 del self._headers[next(iter(self._headers))]
         else:
             self._early.append((message, payload))
-        while self._early and self._is_known(self._early[0][0].opening):
+        while self._early and self._early[0][0].opening in (self._current, *self._headers):
             record, data = self._early.popleft()
             if record.opening != self._current:
                 self._current = record.opening
                 yield self._headers[record.opening]
             yield record, data
-
-    def _is_known(self, header: int) -> bool:
-        return header == self._current or header in self._headers
 
 
 class Follower:
@@ -159,13 +156,8 @@ class Follower:
             while not self._stopped:
                 yield listener.receive(_WAIT_S)
                 self.dropped = listener.dropped
-            yield from _rest(listener)
+            deadline = time.monotonic() + _DRAIN_S  # for what is still under way
+            while time.monotonic() < deadline and (events := listener.receive(_WAIT_S)):
+                yield events
             listener.close()
             self.dropped = listener.dropped
-
-
-def _rest(listener: RecordListener) -> Iterator[list[Event]]:
-    """What is still under way."""
-    deadline = time.monotonic() + _DRAIN_S
-    while time.monotonic() < deadline and (events := listener.receive(_WAIT_S)):
-        yield events

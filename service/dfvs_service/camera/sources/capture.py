@@ -12,6 +12,7 @@ from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceLost
 from dfvs_service.frames import CapturedImage
 
 TIMEOUT_MS = 4000
+_LIMITS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, TIMEOUT_MS]
 _MOST_AGE_NS = 1_000_000_000
 _BACKENDS = {
     SourceKind.V4L2: cv2.CAP_V4L2,
@@ -89,7 +90,7 @@ def _opened(spec: SourceSpec, options: SourceOptions) -> cv2.VideoCapture:
             "or use a device or an rtsp:// address directly",
         )
     capture = cv2.VideoCapture()
-    capture.open(spec.place, backend, _open_parameters(spec))
+    capture.open(spec.place, backend, _LIMITS if spec.kind is SourceKind.STREAM else [])
     if not capture.isOpened():
         raise _not_opened(spec)
     if backend == cv2.CAP_FFMPEG:  # pixels stay where the sensor had them, as of images
@@ -105,12 +106,6 @@ def _is_built_in(kind: SourceKind) -> bool:
         return True
     lines = cv2.getBuildInformation().splitlines()
     return any("GStreamer:" in line and "YES" in line for line in lines)
-
-
-def _open_parameters(spec: SourceSpec) -> list[int]:
-    if spec.kind is not SourceKind.STREAM:
-        return []
-    return [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, TIMEOUT_MS]
 
 
 def _configure(capture: cv2.VideoCapture, options: SourceOptions) -> None:

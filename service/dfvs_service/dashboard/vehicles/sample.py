@@ -4,14 +4,12 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
-import numpy as np
-
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import NO_CLOCK, FrameHeader, PixelFormat, decode_frame, decode_header
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.dashboard.outbox import ImageKind
+from dfvs_service.image_drawing import at_width
 
 MAX_DOCUMENT_BYTES = 64 * 1024
 VIEW_QUALITY = 75
@@ -98,6 +96,5 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
         return header, payload
     image = decode_frame(payload, header).image
     if width > MAX_VIEW_WIDTH:
-        size = MAX_VIEW_WIDTH, max(round(height * MAX_VIEW_WIDTH / width), 1)
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        image = at_width(image, MAX_VIEW_WIDTH)
     return header, encode_jpeg(image, VIEW_QUALITY)

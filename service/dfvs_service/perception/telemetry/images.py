@@ -11,7 +11,7 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.perception.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
-from dfvs_service.image_drawing import draw_flow
+from dfvs_service.image_drawing import at_width, draw_flow
 from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
@@ -45,9 +45,7 @@ class TelemetryImages:
 
     def thumbnail(self, frame: Frame) -> Note:
         """Small JPEG of the view alone."""
-        height, width = frame.image.shape[:2]
-        size = (_THUMBNAIL_WIDTH, max(round(height * _THUMBNAIL_WIDTH / width), 1))
-        small = cast(ImageArray, cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA))
+        small = at_width(frame.image, _THUMBNAIL_WIDTH)
         return self._jpeg(Frame(small, frame.t_capture_ns, frame.seq), _THUMBNAIL_QUALITY)
 
     def goal(self, image: ImageArray, t_ns: int) -> Note:
