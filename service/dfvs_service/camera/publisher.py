@@ -22,6 +22,11 @@ from dfvs_service.zenoh_session import has_subscriber, publish_kept
 _RECEIVE_S = 0.25
 _REPORT_S = 5.0
 _SILENCE_S = 2.0
+_PATIENCE_S = 2.0
+_REMEDY = (
+    "start the service, or compare --vehicle and --connect with its settings; with TLS, the "
+    "camera's certificate must have the role of a camera"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +115,6 @@ class RateReport:
             self.log(f"{rate:.1f} frames a second, {size / 1000:.0f} kB each")
         self.next_s = now_s + _REPORT_S
         self.count = self.bytes = 0
-
-
-_PATIENCE_S = 2.0
-_REMEDY = (
-    "start the service, or compare --vehicle and --connect with its settings; with TLS, the "
-    "camera's certificate must have the role of a camera"
-)
 
 
 @dataclass(slots=True)

@@ -44,6 +44,9 @@ CLOSE_UNREADABLE = 1003
 CLOSE_TOO_LARGE = 1009
 
 log = logging.getLogger("dfvs.dashboard")
+_LENGTH = struct.Struct("<I")
+_MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
+_IMAGE = "image"
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,11 +215,6 @@ class ClientSession:
         accepted, text = answer
         told = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
         self._outbox.append("answers", [json.dumps(told)])
-
-
-_LENGTH = struct.Struct("<I")
-_MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
-_IMAGE = "image"
 
 
 def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:

@@ -25,7 +25,6 @@ _DRAIN_S = 0.5
 _CONNECT_PAUSE_S = 0.2
 _NICENESS = 5
 
-
 MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""

@@ -21,6 +21,7 @@ _LEAD_S = 3.0
 """A report shows so long before the vehicle was engaged, and after it was handed back."""
 _NEVER_ENGAGED_S = 60.0
 ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
+_STRIP_VIEWS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +128,6 @@ class FlightSource(Protocol):
 
     def views(self) -> Iterator[FlightView]:
         """What the camera saw, oldest first."""
-
-
-_STRIP_VIEWS = 6
 
 
 def collect(

@@ -12,6 +12,9 @@ from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, image_size
 
 _MAX_SIDE_PX = 65_535
+_PIXEL_CENTRE = 0.5
+"""ROS puts the first pixel's centre at 0, we at 0.5."""
+_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "": (0,)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,11 +128,6 @@ def from_compressed(message: Any) -> Pixels:
     is_png = payload.startswith(b"\x89PNG")
     pixel_format = PixelFormat.PNG if is_png else PixelFormat.JPEG
     return Pixels(payload, pixel_format, width, height, stamp_ns(message))
-
-
-_PIXEL_CENTRE = 0.5
-"""ROS puts the first pixel's centre at 0, we at 0.5."""
-_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "": (0,)}
 
 
 def camera_of(info: Any, is_rectified: bool) -> CameraModel | None:

@@ -28,6 +28,8 @@ Fly the way by hand, slowly; a goal is taken whenever the last one leaves the vi
 with a goal at the place reached. Nothing is sent to the vehicle. Exit code: 0 a route was
 recorded, 1 none, 2 cannot run.
 """
+_REPORT_S = 2.0
+"""Time without frames until that is said, and between two lines about bad frames."""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -91,10 +93,6 @@ def _record_route(config: ServiceConfig, folder: Path, limits: RouteRecordingLim
 
 def _log(text: str) -> None:
     log(f"teach: {text}")
-
-
-_REPORT_S = 2.0
-"""Time without frames until that is said, and between two lines about bad frames."""
 
 
 class RouteProgress:

@@ -14,6 +14,10 @@ from dfvs_common.progress import StatusLine
 from dfvs_service.supervisor.child import new_lines
 from dfvs_service.supervisor.heartbeat import Heartbeat
 
+_MOST_LINES = 256
+_MOST_STATES = 8
+"""So many wait at most before states are left out: the next one is newer."""
+
 
 class Colour(enum.IntEnum):
     """Colour of a text, as a code of ANSI terminals (SGR)."""
@@ -129,11 +133,6 @@ class JsonLines:
     def close(self) -> None:
         """Pass on the rest."""
         self._pass_on()
-
-
-_MOST_LINES = 256
-_MOST_STATES = 8
-"""So many wait at most before states are left out: the next one is newer."""
 
 
 class ConsoleWriter:

@@ -11,6 +11,8 @@ from dfvs_core.messages.frame import Frame
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.servo.exchange import Uncertainty
 
+WINDOW = 300
+
 
 def servo_document(
     frame: Frame, frame_result: FrameResult, t_ns: int, stages_ns: Mapping[str, int]
@@ -66,9 +68,6 @@ def timing_document(
 def _number(value: float) -> float | None:
     """JSON has no infinity: unknown is null."""
     return float(value) if math.isfinite(value) else None
-
-
-WINDOW = 300
 
 
 class LatencyWindow:

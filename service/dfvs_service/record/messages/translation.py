@@ -35,7 +35,6 @@ _PATH_HZ = 1.0
 _SERVO_VECTORS = ("velocity_error",)
 """Arrays in a servo document that are null where they are unknown."""
 
-
 _SPACING_M = 0.05
 _MOST_POINTS = 1000
 
