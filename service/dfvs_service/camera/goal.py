@@ -27,9 +27,9 @@ from dfvs_service.camera.sources.source import check_size
 from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
-from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.goal_file import sidecar_of
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 ZENOH = "zenoh"

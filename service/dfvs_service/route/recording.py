@@ -20,9 +20,8 @@ from dfvs_core.servo.config import BY_NETWORK
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
 from dfvs_service.perception.frame_processor import UNKNOWN_ATTITUDE, FrameProcessor
-from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import is_image
+from dfvs_service.settings.goal_file import is_image, sidecar_of
 
 _ROUTE_RECORDING = "ROUTE_RECORDING"
 """Not a state of the gate: the vehicle follows its pilot, and no progress is asked for."""

@@ -1,15 +1,17 @@
-"""Reader of a goal's image and sidecar."""
+"""Reader of a goal's image and sidecar, and the sidecar of a goal that is captured in flight."""
 
+import datetime
 from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.geometry.camera import calibration_difference
-from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.geometry.camera import CameraModel, calibration_difference
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
 from dfvs_core.perception.frame_validator import check_content
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _SIDECAR = "JSON as dfvs-camera goal writes it"
@@ -159,3 +161,10 @@ def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
     if difference := calibration_difference(flown.camera, sidecar.camera, "goal's"):
         raise ConfigError(difference, "a goal of the camera that flies, with its calibration")
     return checked_goal(Path("new goal"), image, sidecar)
+
+
+def sidecar_of(camera: CameraModel, mount: Mount, motion: Motion | None) -> GoalSidecar:
+    """Sidecar of an image that is taken now; without a motion the vehicle counts as level."""
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+    roll, pitch = (0.0, 0.0) if motion is None else (motion.roll_rad, motion.pitch_rad)
+    return GoalSidecar(camera, roll, pitch, mount, taken_at=now)

@@ -13,8 +13,7 @@ from dfvs_core.messages.image import encode_png
 from dfvs_service.camera import cli
 from dfvs_service.camera.sources import capture
 from dfvs_service.camera.sources.capture import CaptureSource, buffer_time_ns
-from dfvs_service.camera.sources.images import ImageSource
-from dfvs_service.camera.sources.source import SourceOptions, open_source
+from dfvs_service.camera.sources.source import ImageSource, SourceOptions, open_source
 from dfvs_service.camera.sources.spec import (
     STAMPED_ON_ARRIVAL,
     CameraError,

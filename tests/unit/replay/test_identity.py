@@ -7,7 +7,7 @@ import pytest
 
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.schema import dump
-from dfvs_service.replay.identity import reasons_to_differ
+from dfvs_service.replay.flight import reasons_to_differ
 from dfvs_service.settings.config import load_config
 
 BUILD = {"source": "aa" * 32, "numpy": "2.4.0", "processor": "one"}

@@ -18,7 +18,6 @@ from dfvs_service import cli
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.route.cli import RouteProgress
-from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,
@@ -27,7 +26,7 @@ from dfvs_service.route.recording import (
 )
 from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.goal_file import load_goal, route_images
+from dfvs_service.settings.goal_file import load_goal, route_images, sidecar_of
 
 
 class Rig:

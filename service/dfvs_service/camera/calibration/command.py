@@ -22,8 +22,7 @@ from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
 from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.sources.images import image_paths
-from dfvs_service.camera.sources.source import check_size
+from dfvs_service.camera.sources.source import check_size, image_paths
 from dfvs_service.camera.sources.spec import SourceKind, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 from dfvs_service.settings.goal_file import read_image
