@@ -83,8 +83,14 @@ class GoalDepth:
 def goal_depth(found: NetworkDepth, stride: int, prior: float) -> GoalDepth:
     """Structure of a goal view from its depth by a network.
 
-    ``found`` is of the goal image at the working size, and ``stride`` the grid step in px.
-    ``prior`` is the median depth in units where the network's is not metric.
+    Parameters
+    ----------
+    found : NetworkDepth
+        Of the goal image at the working size.
+    stride : int
+        Grid step, px.
+    prior : float
+        Median depth in units where the network's is not metric.
     """
     rows, columns = (_cell_centres(n, stride) for n in found.rho.shape)
     grid = np.ix_(rows, columns)

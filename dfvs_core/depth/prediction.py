@@ -21,9 +21,22 @@ def predict_flow(
 ) -> FlowField:
     """Flow from the current view to another view.
 
-    ``depth`` (h, w) is of the current view, at every ``stride``-th pixel, and ``T_other_current``
-    (4, 4), m, the pose of the current camera in the other one, which is the same camera by default.
-    The flow (H, W, 2) is smooth, with a confidence that calls it a guess everywhere.
+    Parameters
+    ----------
+    camera : CameraModel
+    depth : DepthMap
+        Of the current view, at every stride-th pixel: (h, w).
+    stride : int
+        Grid step in px.
+    T_other_current : (4, 4)
+        Pose of the current camera in the other one, m.
+    other_camera : CameraModel, optional
+        The same camera by default.
+
+    Returns
+    -------
+    FlowField
+        (H, W), smooth, with a confidence that calls it a guess everywhere.
     """
     pixels = camera.grid(stride)
     P = homogeneous(camera.normalise(pixels)) * depth.z_m[..., None]

@@ -44,9 +44,19 @@ def weighted_slope(x: FloatArray, y: FloatArray, weights: FloatArray) -> FloatAr
 def tukey_weights(residual: FloatArray, prior: FloatArray, noise: NoiseScale) -> FloatArray:
     """Tukey's biweight of residual lengths, with a robust scale.
 
-    ``residual`` (N,) is the length of each point's residual, and ``prior`` (N,) the weight that it
-    comes with. The factors (N,), from 0 to 1, are to be multiplied with ``prior``; ``noise`` bounds
-    the scale.
+    Parameters
+    ----------
+    residual : (N,) float64
+        Length of each point's residual.
+    prior : (N,) float64
+        Weights that the points come with.
+    noise : NoiseScale
+        Bounds of the scale.
+
+    Returns
+    -------
+    (N,) float64
+        Factors from 0 to 1, to be multiplied with ``prior``.
     """
     # The residual's length is Rayleigh distributed: its median is 1.1774 sigma of one axis.
     sigma = min(max(weighted_median(residual, prior) / 1.1774, noise.least), noise.most)

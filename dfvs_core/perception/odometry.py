@@ -13,9 +13,17 @@ def frame_odometry(
 ) -> tuple[FloatArray, tuple[float, float, float]]:
     """Velocity (d,) in the task's basis; motion since the last frame, m, in its optical axes.
 
-    ``motion`` is the vehicle's state at the frame, ``T_world_camera`` (4, 4) the camera's pose
-    then, m, and ``last`` the frame before. ``is_level``: the basis is level (x, y, z, yaw), else
-    the camera's six degrees of freedom, m/s and rad/s.
+    Parameters
+    ----------
+    motion : Motion
+        The vehicle's state at the frame.
+    T_world_camera : (4, 4)
+        The camera's pose then, m.
+    last : Keyframe or None
+        The frame before.
+    is_level : bool
+        Whether the basis is level (x, y, z, yaw), else the camera's six degrees of freedom, m/s
+        and rad/s.
     """
     R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
     if last is not None:

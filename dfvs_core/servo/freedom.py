@@ -50,8 +50,10 @@ def free_camera() -> MotionBasis:
 def level_body(T_body_camera: FloatArray) -> MotionBasis:
     """Four degrees of freedom: forward, right, down (m) and yaw (rad) of a level body.
 
-    ``T_body_camera`` (4, 4) is the camera's mounting; a lens away from the yaw axis moves when the
-    body yaws.
+    Parameters
+    ----------
+    T_body_camera : (4, 4)
+        Mounting of the camera; a lens away from the yaw axis moves when the body yaws.
     """
     R_camera_body = T_body_camera[:3, :3].T
     down = np.array([0.0, 0.0, 1.0])
@@ -67,9 +69,14 @@ def virtual_rotation(
 ) -> FloatArray:
     """Rotation (3, 3) from a tilted camera to the gravity-aligned virtual camera.
 
-    Roll and pitch are the body's when the image was taken, and ``R_body_camera`` (3, 3) is the
-    mounting of the camera that took it. ``R_body_virtual`` (3, 3) is that of the virtual camera on
-    the level body, as of the camera that flies.
+    Parameters
+    ----------
+    roll_rad, pitch_rad : float
+        Attitude of the body when the image was taken.
+    R_body_camera : (3, 3)
+        Mounting of the camera that took it.
+    R_body_virtual : (3, 3)
+        Mounting of the virtual camera on the level body: that of the camera that flies.
     """
     R_level_body = rotation_from_euler(roll_rad, pitch_rad, 0.0)
     R: FloatArray = R_body_virtual.T @ R_level_body @ R_body_camera

@@ -63,10 +63,18 @@ def servo_motion(
 ) -> tuple[FloatArray, NormalEquations]:
     """Motion (d,) (m, rad) that the law asks for at gain 1, with its normal equations.
 
-    ``points`` are in the frame in which the basis lives, and ``damping`` is mu of Eq. (1). With the
-    depth ``z_goal_m`` (N,) of the points in the goal view the law uses the mean of the Jacobians at
-    the current view and at the goal (Malis 2004), which is second-order exact; else the current one
-    alone.
+    Parameters
+    ----------
+    points : ServoPoints
+        Correspondences in the frame in which the basis lives.
+    basis : MotionBasis
+        Degrees of freedom.
+    z_goal_m : (N,) or None
+        Depth of the points in the goal view: the law then uses the mean of the Jacobians at the
+        current view and at the goal (Malis 2004), which is second-order exact. None: the
+        current one alone.
+    damping : float
+        mu of Eq. (1).
     """
     L = interaction_matrix(points.xy, points.z_m)
     if z_goal_m is not None:

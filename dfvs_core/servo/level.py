@@ -69,8 +69,14 @@ def attitude_error(
     What the level body's motions leave of the correspondences is explained by a tilt of the current
     view against the goal's, in one Gauss-Newton step with all six degrees of freedom.
 
-    ``points`` are levelled by ``error_rad`` (2,), the estimate so far, with the weights of the fit
-    that gave ``pose``.
+    Parameters
+    ----------
+    points : ServoPoints
+        Levelled by ``error_rad``, with the weights of the fit.
+    pose : GoalPose
+        Of that fit.
+    error_rad : (2,)
+        Estimate so far.
     """
     assert task.mount is not None
     known = points.depth_spread < _KNOWN_SPREAD

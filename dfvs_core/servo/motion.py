@@ -89,7 +89,12 @@ def blend_motions(
     The pose gives straight paths over large turns; the image error itself decides the last
     centimetres, where it does not depend on the depth.
 
-    The motions (d,) are in m and rad. ``remoteness`` 0 is features alone; 1 or more is pose alone.
+    Parameters
+    ----------
+    pose_motion, feature_motion : (d,)
+        m and rad.
+    remoteness : float
+        0: features alone; 1 or more: pose alone.
     """
     share = min(max(remoteness, 0.0), 1.0)
     share = share * share * (3.0 - 2.0 * share)

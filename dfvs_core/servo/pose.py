@@ -75,10 +75,18 @@ def estimate_goal_pose(
 ) -> GoalPose:
     """Pose of the goal from correspondences with depth.
 
-    At least one of ``points`` has a positive weight. ``noise`` is that of the correspondences,
-    normalised units (expected about 0.3 px / f). ``T_guess`` (4, 4) is the start, for instance the
-    last frame's result; identity by default. At most ``iterations`` Gauss-Newton steps are made;
-    most frames need three to five.
+    Parameters
+    ----------
+    points : ServoPoints
+        With at least one positive weight.
+    basis : MotionBasis
+        Motions to choose from.
+    noise : NoiseScale
+        Of the correspondences, normalised units (expected about 0.3 px / f).
+    T_guess : (4, 4), optional
+        Start, for instance the last frame's result; identity by default.
+    iterations : int
+        At most so many Gauss-Newton steps; most frames need three to five.
     """
     P = homogeneous(points.xy) * points.z_m[:, None]
     T = np.eye(4) if T_guess is None else T_guess

@@ -17,9 +17,16 @@ def velocity_for(
     The gain grows as the error vanishes: a large error saturates anyway, a small one would
     otherwise take for ever.
 
-    ``motion`` (d,) is from the pictured place to the goal, m and rad, and ``velocity`` (d,) is how
-    the vehicle moves, m/s and rad/s. ``late_s`` (d,) is the age of the image and the time until a
-    velocity is followed. ``config`` has the gains, and the error (m + rad) between them.
+    Parameters
+    ----------
+    motion : (d,)
+        From the pictured place to the goal, m and rad.
+    velocity : (d,)
+        How the vehicle moves, m/s and rad/s.
+    late_s : (d,)
+        Age of the image and the time until a velocity is followed, s.
+    config : ServoConfig
+        Gains, and the error (m + rad) between them.
     """
     nearness = math.exp(-float(np.linalg.norm(motion)) / config.gain_error)
     gain = config.gain_far + (config.gain_near - config.gain_far) * nearness
@@ -37,7 +44,10 @@ class SpeedLimit:
 def saturate(velocity: FloatArray, limits: tuple[SpeedLimit, ...]) -> FloatArray:
     """Scale all components by one factor, so that every limit holds and the path stays.
 
-    ``velocity`` (d,) is in m/s and rad/s.
+    Parameters
+    ----------
+    velocity : (d,)
+        m/s and rad/s.
     """
     factor = 1.0
     for group in limits:

@@ -58,10 +58,21 @@ def feature_error(
 ) -> tuple[float, Reference]:
     """Weighted median length of the feature error, as it follows from a reference.
 
-    ``points`` are all that were matched, and ``spacing`` is from one sample of the current view to
-    the next. The error is in normalised units, as ``spacing``; without a reference it is this
-    frame's own. The reference for the next frame is the same, as long as half of its features are
-    in view.
+    Parameters
+    ----------
+    points : ServoPoints
+        All that was matched.
+    spacing : float
+        From one sample of the current view to the next, normalised units.
+    reference : Reference, optional
+        None: the length is this frame's own, and it is the reference of those to come.
+
+    Returns
+    -------
+    float
+        In normalised units.
+    Reference
+        For the next frame: the same, as long as half of its features are in view.
     """
     if reference is not None and reference.length > _LEAST_LENGTH:
         share, left = _compare(reference.cells, by_cell(points, reference.cells.size))

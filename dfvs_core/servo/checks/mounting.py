@@ -99,8 +99,14 @@ def follow_mounting(
 ) -> MountingState:
     """State after a frame.
 
-    ``now`` is of this frame's time and attitude, and ``turn`` the camera's since the frame before,
-    by the images. ``R_body_camera`` (3, 3) is the mounting by the settings.
+    Parameters
+    ----------
+    state, now : MountingState
+        Before, and of this frame's time and attitude.
+    turn : ImageTurn or None
+        Turn of the camera since then by the images.
+    R_body_camera : (3, 3)
+        Mounting by the settings.
     """
     dt_s = (now.t_ns - state.t_ns) * 1e-9
     here = replace(state, t_ns=now.t_ns, R_world_body=now.R_world_body)

@@ -53,8 +53,15 @@ def goal_link(
 ) -> GoalLink:
     """Where a frame's grid is seen in the goal view.
 
-    Attitude and samples are the frame's; ``T_current_goal`` (4, 4) is the pose of the goal in the
-    virtual camera, in units.
+    Parameters
+    ----------
+    task : ServoTask
+    attitude : Attitude
+        Of the frame.
+    samples : GridSamples
+        Its flow to the goal.
+    T_current_goal : (4, 4)
+        Pose of the goal in the virtual camera, in units.
     """
     camera, stride = task.goal.camera, task.config.stride_px
     partners = samples.pixels + samples.flow

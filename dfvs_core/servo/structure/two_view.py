@@ -91,9 +91,19 @@ class _Geometry:
 def earlier_view(task: ServoTask, match: EarlierMatch, depth: DepthMap) -> EarlierView | None:
     """Correspondences with an earlier frame, and the motion in between by the images.
 
-    The motion of ``match`` is the start; of its translation only the direction counts. ``depth`` is
-    relative, of the current frame's grid (h, w). None where the baseline is short against the
-    depth, or against the error of the rotation.
+    Parameters
+    ----------
+    task : ServoTask
+    match : EarlierMatch
+        Its motion is the start; of its translation only the direction counts.
+    depth : DepthMap
+        Relative depth of the current frame, on the grid (h, w).
+
+    Returns
+    -------
+    EarlierView or None
+        None where the baseline is short against the depth, or against what the rotation may be
+        wrong by.
     """
     samples = sample_grid(match.flow, task.config.stride_px)
     partners = samples.pixels + samples.flow
