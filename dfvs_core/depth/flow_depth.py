@@ -28,10 +28,16 @@ class FlowDepth:
     swing is gone after one frame, whatever the speed. Flow that is no longer than its noise says
     nothing, and what is remembered holds: near the goal all would seem far, and the gain rise.
 
-    ``alpha`` is the depth, m, at which the last step moved a point by one focal length. ``near_m``
-    and ``far_m`` bound the depth; where there is no flow the far bound holds. ``fallback_m`` is the
-    depth while there is no earlier frame. ``noise`` is the length of flow that says nothing, in
-    normalised units.
+    Parameters
+    ----------
+    alpha : float
+        Scale, m: the depth at which the last step moved a point by one focal length.
+    near_m, far_m : float
+        Bounds; where there is no flow the far bound holds.
+    fallback_m : float
+        Depth while there is no earlier frame.
+    noise : float
+        Length of flow that says nothing, in normalised units.
     """
 
     alpha: float = 0.03

@@ -30,9 +30,14 @@ class MotionDepth:
 
     Where nothing is known yet the median of what is known stands in, and before that ``prior``.
 
-    ``prior`` is in units. ``pixel_noise`` is the standard deviation of a correspondence, normalised
-    units (about 0.5 px / f). ``least_spread`` is the relative standard deviation of inverse depth
-    that no number of measurements undercuts.
+    Parameters
+    ----------
+    prior : float
+        Depth before anything was measured, in units.
+    pixel_noise : float
+        Standard deviation of a correspondence, normalised units (about 0.5 px / f).
+    least_spread : float
+        Relative standard deviation of inverse depth that no number of measurements undercuts.
     """
 
     prior: float = 3.0

@@ -16,7 +16,10 @@ ImageArray = NDArray[np.uint8]
 def check_image(image: object) -> None:
     """Find that something is an image.
 
-    Raises ImageError if it is not an array (H, W, 3) uint8.
+    Raises
+    ------
+    ImageError
+        If it is not an array (H, W, 3) uint8.
     """
     expected = "uint8 of (H, W, 3), RGB"
     if not isinstance(image, np.ndarray):

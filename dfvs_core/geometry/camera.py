@@ -211,7 +211,12 @@ class CameraModel:
 def calibration_difference(here: CameraModel, there: CameraModel, whose: str) -> str:
     """Say in what two calibrations differ more than two of one camera would; else empty.
 
-    ``here`` is the camera that flies, and ``whose`` a word for the other one.
+    Parameters
+    ----------
+    here, there : CameraModel
+        The camera that flies, and another one.
+    whose : str
+        Word for the other one.
     """
     if here.size != there.size:
         sizes = (*there.size, *here.size)

@@ -40,7 +40,10 @@ BOOT_ID_FILE = "/proc/sys/kernel/random/boot_id"
 def clock_identity(boot_id: str) -> bytes:
     """Identity (16 bytes) of a machine's monotonic clock, from the kernel's boot id.
 
-    Raises WireError if the text is not a UUID.
+    Raises
+    ------
+    WireError
+        If the text is not a UUID.
     """
     try:
         return uuid.UUID(boot_id.strip()).bytes
@@ -106,8 +109,10 @@ def encode_frame(
 ) -> tuple[bytes, bytes]:
     """(payload, attachment) of a frame; ``quality`` counts for JPEG alone.
 
-    Raises ImageError if a side has more pixels than the header can hold, or the image cannot be
-    encoded.
+    Raises
+    ------
+    ImageError
+        If a side has more pixels than the header can hold, or the image cannot be encoded.
     """
     height, width = frame.image.shape[:2]
     if max(height, width) > _MAX_SIDE_PX:
@@ -131,7 +136,10 @@ def encode_frame(
 def check_frame_size(payload: bytes) -> None:
     """Refuse the payload of a frame that no receiver takes.
 
-    Raises ImageError if it is too large for a message.
+    Raises
+    ------
+    ImageError
+        If it is too large for a message.
     """
     if len(payload) > _MAX_FRAME_BYTES:
         raise ImageError(
@@ -159,7 +167,10 @@ def encode_header(header: FrameHeader) -> bytes:
 def decode_header(attachment: bytes) -> FrameHeader:
     """Header of a frame from its attachment.
 
-    Raises WireError if the attachment is not one of ours.
+    Raises
+    ------
+    WireError
+        If the attachment is not one of ours.
     """
     if len(attachment) != _HEADER.size:
         raise WireError(
@@ -180,8 +191,12 @@ def decode_header(attachment: bytes) -> FrameHeader:
 def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     """Pixels of a frame, after its size and checksum were found right.
 
-    Raises WireError if length or checksum disagree with the header; ImageError if a compressed
-    image cannot be decoded.
+    Raises
+    ------
+    WireError
+        If length or checksum disagree with the header.
+    ImageError
+        If a compressed image cannot be decoded.
     """
     shape = (header.height, header.width)
     channels = _CHANNELS.get(header.pixel_format)

@@ -101,7 +101,10 @@ def pack(message: SessionHeader | FrameRecord, payload: bytes) -> bytes:
 def unpack(cls: type[T], data: bytes) -> tuple[T, bytes]:
     """Message of the given class, and the bytes beside it.
 
-    Raises WireError if the bytes do not follow the format.
+    Raises
+    ------
+    WireError
+        If the bytes do not follow the format.
     """
     if len(data) < _HEAD.size:
         raise WireError(f"record of {len(data)} bytes", f"{_HEAD.size} or more")

@@ -27,7 +27,10 @@ class GoalCommand:
     def to_bytes(self) -> bytes:
         """Payload of the goal.
 
-        Raises WireError if it is too large to be sent.
+        Raises
+        ------
+        WireError
+            If it is too large to be sent.
         """
         sidecar = self.sidecar.encode()
         data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.image
@@ -43,7 +46,10 @@ class GoalCommand:
     def from_bytes(cls, data: bytes) -> GoalCommand:
         """Read a payload; the image is not looked at.
 
-        Raises WireError if it is not a goal.
+        Raises
+        ------
+        WireError
+            If it is not a goal.
         """
         if len(data) > MAX_MESSAGE_BYTES or data[:4] != _MAGIC or len(data) < _HEADER.size:
             raise WireError(f"goal of {len(data)} bytes begins with {data[:4]!r}", repr(_MAGIC))

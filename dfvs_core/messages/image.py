@@ -45,7 +45,10 @@ _JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 def image_size(data: bytes) -> tuple[int, int]:
     """(width, height) in px from the header of a PNG or JPEG, nothing decoded.
 
-    Raises ImageError if the data is neither, or its header is broken.
+    Raises
+    ------
+    ImageError
+        If the data is neither, or its header is broken.
     """
     if data.startswith(_PNG_MAGIC):
         if len(data) < 24 or data[12:16] != b"IHDR":
@@ -83,8 +86,11 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
 def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
     """Decode a PNG or JPEG to (H, W, 3) uint8 RGB.
 
-    Raises ImageError if the image is too large, damaged, or not PNG or JPEG, or values of fewer
-    bits are in a PNG of 16.
+    Raises
+    ------
+    ImageError
+        If the image is too large, damaged, or not PNG or JPEG, or values of fewer bits are in a
+        PNG of 16.
     """
     if len(data) > MAX_IMAGE_BYTES:
         remedy = "save it as JPEG, or with fewer pixels"
@@ -123,7 +129,10 @@ def _high_byte(pixels: cv2.typing.MatLike) -> ImageArray:
 def _png_pixels(data: bytes, width: int, height: int) -> bytes:
     """PNG of those chunks alone that hold pixels: profiles, texts and animations unfold as well.
 
-    Raises ImageError if it is cut short, or its data unfold to more than its pixels can take.
+    Raises
+    ------
+    ImageError
+        If it is cut short, or its data unfold to more than its pixels can take.
     """
     parts = [data[:_PNG_HEAD_BYTES]]
     left = height * (width * _PNG_PIXEL_BYTES + _PNG_LINE_BYTES)
@@ -160,7 +169,10 @@ def _unfolded_bytes(inflater: zlib._Decompress, part: bytes, most: int) -> int:
 def encode_jpeg(image: ImageArray, quality: int = 90) -> bytes:
     """JPEG of an image (H, W, 3) uint8 RGB; quality 1 to 100.
 
-    Raises ImageError if the image cannot be encoded, as one of no pixels.
+    Raises
+    ------
+    ImageError
+        If the image cannot be encoded, as one of no pixels.
     """
     return _encode("JPEG", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
@@ -168,7 +180,10 @@ def encode_jpeg(image: ImageArray, quality: int = 90) -> bytes:
 def encode_png(image: ImageArray) -> bytes:
     """PNG of an image (H, W, 3) uint8 RGB.
 
-    Raises ImageError if the image cannot be encoded, as one of no pixels.
+    Raises
+    ------
+    ImageError
+        If the image cannot be encoded, as one of no pixels.
     """
     return _encode("PNG", image, [])
 

@@ -148,8 +148,10 @@ def to_datagram(message: ToGate | FromGate) -> bytes:
 def from_datagram(cls: type[T], data: bytes) -> T:
     """Message of the given class from its bytes.
 
-    Raises WireError if the bytes are too many, not JSON, or do not follow the schema (NaN
-    included).
+    Raises
+    ------
+    WireError
+        If the bytes are too many, not JSON, or do not follow the schema (NaN included).
     """
     if len(data) > MAX_DATAGRAM_BYTES:
         raise WireError(f"datagram of {len(data)} bytes", f"at most {MAX_DATAGRAM_BYTES}")
@@ -159,7 +161,10 @@ def from_datagram(cls: type[T], data: bytes) -> T:
 def to_gate(data: bytes) -> ToGate:
     """Message to the gate from its bytes.
 
-    Raises WireError if it is none of its kinds.
+    Raises
+    ------
+    WireError
+        If it is none of its kinds.
     """
     if data.startswith(b'{"payload"'):
         return from_datagram(ForwardedCommand, data)
@@ -173,7 +178,10 @@ def to_gate(data: bytes) -> ToGate:
 def from_gate(data: bytes) -> FromGate:
     """Message of the gate from its bytes.
 
-    Raises WireError if it is none of its kinds.
+    Raises
+    ------
+    WireError
+        If it is none of its kinds.
     """
     if data.startswith(b'{"request"'):
         return from_datagram(CommandAnswer, data)

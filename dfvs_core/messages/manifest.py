@@ -110,7 +110,10 @@ class Manifest:
         An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
         image that the flow starts from) or ``second_``.
 
-        Raises ModelError if an input has another name.
+        Raises
+        ------
+        ModelError
+            If an input has another name.
         """
         made: dict[str, T] = {}
         for side, features in (("first_", first), ("second_", second)):
@@ -162,7 +165,10 @@ class Manifest:
     def from_json(cls, data: bytes) -> Manifest:
         """Read ``manifest.json``.
 
-        Raises ModelError if it is not JSON, does not follow the schema, or contradicts itself.
+        Raises
+        ------
+        ModelError
+            If it is not JSON, does not follow the schema, or contradicts itself.
         """
         try:
             return parse(cls, json.loads(data))
@@ -180,7 +186,10 @@ def sha256(data: bytes) -> str:
 def check_files(manifest: Manifest, contents: Mapping[str, bytes]) -> None:
     """Check the contents of a bundle's files against its manifest.
 
-    Raises ModelError if a file is missing, was not announced, or is not what was announced.
+    Raises
+    ------
+    ModelError
+        If a file is missing, was not announced, or is not what was announced.
     """
     for name in manifest.files:
         if name not in contents:

@@ -16,7 +16,12 @@ class Rate:
 class RateLimit:
     """Rate limit of each key; counts what exceeds it.
 
-    Times are monotonic; an earlier one than before counts as no time passed.
+    Parameters
+    ----------
+    rate : Rate
+        What is let through.
+    now_ns : int
+        Monotonic time; a later call with an earlier time counts as no time passed.
     """
 
     def __init__(self, rate: Rate, now_ns: int) -> None:

@@ -31,7 +31,10 @@ _DEFAULT_QOS = "::,10:,:,:,,"
 def vehicle_namespace(vehicle: str) -> str:
     """Namespace of the topics of a vehicle of that name.
 
-    Raises ConfigError if the name begins with a digit, which ROS 2 does not allow.
+    Raises
+    ------
+    ConfigError
+        If the name begins with a digit, which ROS 2 does not allow.
     """
     if vehicle[:1].isdigit():
         raise ConfigError(
@@ -96,7 +99,10 @@ class Ros2Attachment:
 def decode_attachment(data: bytes) -> Ros2Attachment:
     """Read what rmw_zenoh attached.
 
-    Raises WireError if it is of another version.
+    Raises
+    ------
+    WireError
+        If it is of another version.
     """
     if len(data) != _ATTACHMENT.size:
         raise WireError(f"ROS 2 attachment of {len(data)} bytes", f"{_ATTACHMENT.size} bytes")

@@ -93,7 +93,10 @@ def choices_of(hint: Any) -> tuple[Any, ...]:
 def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) -> T:
     """Build the dataclass ``cls`` from a mapping, with ``file`` from that of a settings file.
 
-    Raises ConfigError with the place, the value and what was expected.
+    Raises
+    ------
+    ConfigError
+        With the place, the value and what was expected.
     """
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where or 'the document'} is {data!r}", "a table of keys and values")
@@ -143,7 +146,10 @@ def with_present_names(cls: Any, data: Any) -> Any:
 def from_json(cls: type[T], data: bytes, *, ignore_unknown: bool = False) -> T:
     """Message of the given class from its JSON, with ``ignore_unknown`` despite other keys.
 
-    Raises WireError if it is not JSON or does not follow the schema (NaN included).
+    Raises
+    ------
+    WireError
+        If it is not JSON or does not follow the schema (NaN included).
     """
     try:
         document = json.loads(data)
@@ -158,7 +164,10 @@ def from_json(cls: type[T], data: bytes, *, ignore_unknown: bool = False) -> T:
 def rebuild(hint: Any, value: Any) -> Any:
     """Value of a type from what :func:`dump` made of it, unchecked: NaN and infinity pass.
 
-    Raises ValueError, TypeError, KeyError if it does not follow the type.
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        If it does not follow the type.
     """
     if typing.get_origin(hint) is tuple:
         return tuple(rebuild(typing.get_args(hint)[0], v) for v in value)

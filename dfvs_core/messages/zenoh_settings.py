@@ -47,8 +47,14 @@ def zenoh_settings(
 ) -> tuple[tuple[str, str], ...]:
     """Pairs for ``zenoh.Config.insert_json5``.
 
-    ``mode`` is client where a router is configured, else peer. ``connect`` and ``listen`` are
-    endpoints such as ``tcp/127.0.0.1:7447``; those that begin with ``tls/`` need ``encryption``.
+    Parameters
+    ----------
+    mode : {"peer", "client", "router"}
+        Client when a router is configured, else peer.
+    connect, listen : tuple of str
+        Endpoints such as ``tcp/127.0.0.1:7447``.
+    encryption : Encryption, optional
+        For endpoints that begin with ``tls/``.
     """
     settings = {
         "mode": mode,

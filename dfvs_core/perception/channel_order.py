@@ -23,7 +23,11 @@ CLEARLY = 0.6
 def is_channel_order_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
     """Whether red and blue of an image are exchanged against the goal image.
 
-    Images are (H, W, 3) uint8; the flow leads from ``image`` to ``goal``.
+    Parameters
+    ----------
+    image, goal : (H, W, 3) uint8
+    flow : FlowField
+        From ``image`` to ``goal``.
     """
     height, width = goal.shape[:2]
     v, u = np.mgrid[

@@ -77,7 +77,10 @@ def encode_flow_grid(grid: FlowGrid) -> bytes:
 def decode_flow_grid(data: bytes) -> FlowGrid:
     """Grid from its bytes.
 
-    Raises WireError if the bytes are not a grid of ours, whole.
+    Raises
+    ------
+    WireError
+        If the bytes are not a grid of ours, whole.
     """
     if len(data) < _HEADER.size:
         raise WireError(f"flow grid of {len(data)} bytes", f"at least {_HEADER.size}")

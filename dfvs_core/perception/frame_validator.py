@@ -81,8 +81,16 @@ def admit(
 ) -> Admission:
     """Judge a frame and decode it; nothing is decoded before its header was found right.
 
-    ``state`` is the memory from the frame before, and ``now_ns`` monotonic time. Payload and
-    attachment are as they came from the network: whoever sent them, they do no harm.
+    Parameters
+    ----------
+    state : GuardState
+        Memory from the frame before.
+    payload, attachment : bytes
+        The frame as it came from the network: whoever sent it, it does no harm.
+    expected : Expected
+        What it must fit.
+    now_ns : int
+        Monotonic time.
     """
     try:
         header = decode_header(attachment)

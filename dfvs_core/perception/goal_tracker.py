@@ -103,7 +103,14 @@ class _RejectedGoals:
 class GoalTracker:
     """Matches frames with one goal, and keeps the last observation of it.
 
-    ``task`` has the cameras at the working size, and the grid of the depth maps.
+    Parameters
+    ----------
+    matcher : Matcher
+        Source of dense correspondences.
+    goal : ImageFeatures
+        The goal image.
+    task : ServoTask
+        Cameras at the working size, and the grid of the depth maps.
     """
 
     def __init__(self, matcher: Matcher, goal: ImageFeatures, task: ServoTask) -> None:
@@ -144,8 +151,16 @@ class GoalTracker:
     ) -> FlowField:
         """Flow from a frame to the goal.
 
-        ``T_world_camera`` (4, 4), m, is where the frame was taken by the vehicle's odometry.
-        ``depth`` is of the frame before, on the grid.
+        Parameters
+        ----------
+        image : ImageFeatures
+            The frame.
+        t_capture_ns : int
+            When it was taken.
+        T_world_camera : (4, 4)
+            Where, by the vehicle's odometry, m.
+        depth : DepthMap, optional
+            Of the frame before, on the grid.
         """
         flow = self._track(image, t_capture_ns, T_world_camera, depth)
         if flow is not None and self._refused < _MOST_REFUSED:

@@ -51,7 +51,10 @@ _EXPLAINED_OF_ALL = 0.03
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
     """Share of the texture of a view that is confidently matched in place; 1 without texture.
 
-    ``image`` (H, W, 3) uint8 is the view, at the size of the flow to the goal image.
+    Parameters
+    ----------
+    image, flow : (H, W, 3) uint8, FlowField
+        The view, at the size of the flow, and that to the goal image.
     """
     textured = _textured(image)
     if textured.mean() < _LEAST_TEXTURE:
@@ -73,8 +76,12 @@ def _textured(image: ImageArray) -> BoolArray:
 class GoalVerifier:
     """Refuses frames whose view is not the goal's.
 
-    ``goal`` is the goal image, at the size of the flow. A view at the goal with a matched texture
-    ratio below ``least`` is not the goal's; 0 refuses none.
+    Parameters
+    ----------
+    goal : SiftImage
+        The goal image, at the size of the flow.
+    least : float
+        Matched texture ratio below which a view at the goal is not the goal's; 0 refuses none.
     """
 
     def __init__(self, goal: SiftImage, least: float) -> None:

@@ -92,9 +92,16 @@ class MotionMeasures:
 class MotionMonitor:
     """Memory of what watches the motion: immutable, each frame makes the next one.
 
-    ``mounting`` is the regression of the images' tilt, of a vehicle alone. The feature error is
-    relative to the frame ``reference``. ``stop`` holds recent errors and progress.
-    ``has_mounting_passed``: the score has told a right mounting in this engagement.
+    Parameters
+    ----------
+    mounting : MountingState, optional
+        Regression of the images' tilt; of a vehicle alone.
+    reference : Reference, optional
+        Frame that the feature error is relative to.
+    stop : StopState
+        Recent errors and progress.
+    has_mounting_passed : bool
+        Whether the score has told a right mounting in this engagement.
     """
 
     mounting: MountingState | None = None
@@ -116,9 +123,17 @@ class MotionMonitor:
     ) -> MotionMonitor:
         """Take in a frame's turn.
 
-        ``R_world_body`` (3, 3) is the body's attitude at ``t_ns``. ``samples`` are of the flow of
-        the last frame, None before the first one, and of this one. ``depth`` is of this frame, on
-        the grid.
+        Parameters
+        ----------
+        task : ServoTask
+        t_ns : int
+            When it was taken.
+        R_world_body : (3, 3)
+            Attitude of the body.
+        samples : tuple of GridSamples
+            Flow of the last frame, None before the first one, and of this one.
+        depth : DepthMap
+            Of this frame, on the grid.
         """
         if task.mount is None:
             return self
