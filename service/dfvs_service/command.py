@@ -50,8 +50,14 @@ def send_command(
     ``key`` is the secret that the service knows as well. ``timeout_s`` is the longest wait for the
     service, and then for its answer. ``goal`` is where to fly to, for ``Action.GOAL``.
 
-    Raises CommandError if no service is heard, or it accepts no commands; UnansweredError if it
-    does not answer; WireError if the goal is too large.
+    Raises
+    ------
+    CommandError
+        If no service is heard, or it accepts no commands.
+    UnansweredError
+        If it does not answer.
+    WireError
+        If the goal is too large.
     """
     data = b"" if goal is None else goal.to_bytes()
     argument = "" if goal is None else goal_digest(data)

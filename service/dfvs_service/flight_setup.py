@@ -102,7 +102,10 @@ def with_flights_folder(config: ServiceConfig) -> ServiceConfig:
 def programs_of(config: ServiceConfig) -> Programs:
     """Programs of the flight, with a black box, and a recorder where a recording is asked for.
 
-    Raises ConfigError if recordings cannot be made here.
+    Raises
+    ------
+    ConfigError
+        If recordings cannot be made here.
     """
     programs = Programs()
     if config.black_box.enabled:

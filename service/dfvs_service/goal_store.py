@@ -26,7 +26,10 @@ class GoalStore:
     def keep(self, digest: str, data: bytes) -> None:
         """Keep a goal; the oldest beyond ``MAX_KEPT_GOALS`` are removed.
 
-        Raises OSError if it cannot be written.
+        Raises
+        ------
+        OSError
+            If it cannot be written.
         """
         self._folder.mkdir(mode=0o700, exist_ok=True)
         write_atomic(self._folder / digest, data)
@@ -37,7 +40,10 @@ class GoalStore:
     def pop(self, digest: str) -> bytes:
         """Give away the goal that the gate accepted.
 
-        Raises WireError if it is not kept, or damaged.
+        Raises
+        ------
+        WireError
+            If it is not kept, or damaged.
         """
         data = b""
         with contextlib.suppress(FileNotFoundError):

@@ -87,7 +87,10 @@ def mavlink_port(url: str) -> LocalPort | None:
 def require_free_zenoh_ports(section: ZenohSection) -> None:
     """Refuse an endpoint to listen on that another program has.
 
-    Raises ConfigError with the setting that would be right, a free port in it.
+    Raises
+    ------
+    ConfigError
+        With the setting that would be right, a free port in it.
     """
     for endpoint in section.listen if section.mode == "peer" else ():
         port = zenoh_port(endpoint)
@@ -104,7 +107,10 @@ def require_free_zenoh_ports(section: ZenohSection) -> None:
 def require_free_mavlink_port(url: str) -> None:
     """Refuse a MAVLink connection whose port another program has.
 
-    Raises ConfigError with the connection that would be right, a free port in it.
+    Raises
+    ------
+    ConfigError
+        With the connection that would be right, a free port in it.
     """
     port = mavlink_port(url)
     if port is not None and port.is_in_use():

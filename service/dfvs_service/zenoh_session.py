@@ -33,8 +33,11 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
 
     ``vehicles`` are those whose roles may do their work over encrypted links to this process.
 
-    Raises ConfigError if the router cannot be reached (client), an endpoint cannot be listened on
-    (peer), or a certificate's file cannot be used.
+    Raises
+    ------
+    ConfigError
+        If the router cannot be reached (client), an endpoint cannot be listened on (peer), or a
+        certificate's file cannot be used.
     """
     require_usable_files(config)
     encryption = None if config.tls is None else Encryption(config.tls, vehicles)
@@ -140,8 +143,11 @@ def _socket_endpoint(runtime: RuntimeFolder) -> str:
 def require_usable_files(section: ZenohSection) -> None:
     """Refuse certificates that no trying again makes usable, before Zenoh says it less clearly.
 
-    Raises ConfigError if a file is not named or cannot be read, others may read the private key, or
-    the certificate has expired; that is known only where the extra ``deploy`` is installed.
+    Raises
+    ------
+    ConfigError
+        If a file is not named or cannot be read, others may read the private key, or the
+        certificate has expired; that is known only where the extra ``deploy`` is installed.
     """
     files = section.tls
     if files is None:
@@ -188,7 +194,10 @@ def open_persistently(
 
     ``log`` receives the line about the first failure.
 
-    Raises ConfigError if it cannot be opened and trying again would not help.
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened and trying again would not help.
     """
     patience_s = math.inf if section.mode == "client" else 0.0
     return open_within(section, patience_s, is_stopped, log, pause_s)
@@ -205,7 +214,10 @@ def open_within(
 
     ``log`` receives the line about the first failure.
 
-    Raises ConfigError if it does not answer in time, or a certificate's file cannot be used.
+    Raises
+    ------
+    ConfigError
+        If it does not answer in time, or a certificate's file cannot be used.
     """
     require_usable_files(section)
     deadline = time.monotonic() + patience_s

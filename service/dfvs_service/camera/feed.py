@@ -54,7 +54,10 @@ class LiveFeed:
     def receive(self, timeout_s: float) -> CapturedImage | None:
         """Newest image.
 
-        Raises DfvsError if the source cannot be used and trying again would not help.
+        Raises
+        ------
+        DfvsError
+            If the source cannot be used and trying again would not help.
         """
         had_ended = not self._thread.is_alive()
         item = self._mailbox.get(timeout_s)
@@ -117,7 +120,10 @@ class RecordedFeed:
     def receive(self, timeout_s: float) -> CapturedImage | None:
         """Next image when it is due.
 
-        Raises DfvsError if an image cannot be read.
+        Raises
+        ------
+        DfvsError
+            If an image cannot be read.
         """
         wait_s = self._due_s - time.monotonic()
         if wait_s > timeout_s:

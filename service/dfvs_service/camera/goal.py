@@ -65,7 +65,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str]) -> int:
-    """Take a goal; exit code 0."""
+    """Take a goal; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If there is no image, no calibration or no attitude.
+    """
     arguments = _parser().parse_args(words)
     if not 1 <= arguments.frames <= 1000:
         raise ConfigError(f"--frames is {arguments.frames}", "1 to 1000")
@@ -96,7 +102,10 @@ def run(words: Sequence[str]) -> int:
 def parse_attitude(text: str) -> Motion:
     """Attitude at rest from ``ROLL,PITCH`` in degrees.
 
-    Raises ConfigError if it is none.
+    Raises
+    ------
+    ConfigError
+        If it is none.
     """
     try:
         roll, pitch = (math.radians(float(part)) for part in text.split(","))

@@ -58,7 +58,10 @@ def calibration_of(arguments: argparse.Namespace) -> CameraModel | None:
 def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> SourceOptions:
     """How to open the source; ``wanted`` is the calibration's size.
 
-    Raises ConfigError if an option is out of range or contradicts the calibration.
+    Raises
+    ------
+    ConfigError
+        If an option is out of range or contradicts the calibration.
     """
     rate = arguments.rate
     if rate is not None and not 0.1 <= rate <= 1000:
@@ -79,8 +82,10 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
 def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:
     """Images of ``--source``.
 
-    Raises DfvsError if there is no such source, a recording cannot be opened, or an option is
-    wrong.
+    Raises
+    ------
+    DfvsError
+        If there is no such source, a recording cannot be opened, or an option is wrong.
     """
     options = source_options(arguments, wanted)
     spec = parse_source(arguments.source)

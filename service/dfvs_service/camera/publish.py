@@ -73,7 +73,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str]) -> int:
-    """Publish until interrupted or until a recording ends; exit code 0."""
+    """Publish until interrupted or until a recording ends; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If the source or an option cannot be used.
+    """
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
     stop = stop_event()

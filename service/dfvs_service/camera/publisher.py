@@ -72,8 +72,12 @@ class FramePublisher:
     def publish(self, captured: CapturedImage) -> None:
         """Publish one image.
 
-        Raises CameraError if it has not the size of the calibration; ImageError if it is too large
-        for a message.
+        Raises
+        ------
+        CameraError
+            If it has not the size of the calibration.
+        ImageError
+            If it is too large for a message.
         """
         check_size(captured.image, self._options.wanted_size, "the camera")
         pixel_format = self._options.pixel_format
@@ -135,7 +139,10 @@ class ReceptionReport:
     def update(self, now_s: float, *, is_received: bool) -> None:
         """Take whether there is a subscriber now.
 
-        Raises CameraError if there was none for ``required_s``.
+        Raises
+        ------
+        CameraError
+            If there was none for ``required_s``.
         """
         if is_received:
             if self.is_reported:
@@ -163,7 +170,10 @@ def publish_feed(
 ) -> None:
     """Publish until stopped, until the recording ends, or until enough frames went out.
 
-    Raises DfvsError if the source cannot be used, or nobody receives where somebody must.
+    Raises
+    ------
+    DfvsError
+        If the source cannot be used, or nobody receives where somebody must.
     """
     now_s = time.monotonic()
     report = RateReport(log, now_s + _REPORT_S, now_s)

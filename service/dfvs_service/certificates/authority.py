@@ -112,7 +112,10 @@ def _builder(
 def host_name(text: str) -> x509.GeneralName:
     """Name or address of a machine, as certificates hold it.
 
-    Raises ConfigError if it is neither.
+    Raises
+    ------
+    ConfigError
+        If it is neither.
     """
     try:
         return x509.IPAddress(ipaddress.ip_address(text))
@@ -157,7 +160,10 @@ def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
 def read_certificate(path: Path) -> x509.Certificate:
     """Certificate of a PEM file.
 
-    Raises ConfigError if it cannot be read.
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
     """
     try:
         return x509.load_pem_x509_certificate(path.read_bytes())
@@ -179,7 +185,10 @@ def is_for_host(certificate: x509.Certificate, host: str) -> bool:
 def read_authority(folder: Path) -> Credentials:
     """Authority that an earlier run made.
 
-    Raises ConfigError if it cannot be read, or has expired.
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or has expired.
     """
     certificate = read_certificate(folder / "certificate.pem")
     if has_expired(certificate):

@@ -37,8 +37,11 @@ _ROUTER_FILE = Path("router", "router.json5")
 def make_everything(arguments: argparse.Namespace) -> None:
     """Make an authority, unless one is there, and the certificates that are missing.
 
-    Raises ConfigError if a name, a host, the endpoint or the validity is none, or the authority
-    that is there cannot be read.
+    Raises
+    ------
+    ConfigError
+        If a name, a host, the endpoint or the validity is none, or the authority that is there
+        cannot be read.
     """
     out: Path = arguments.out
     vehicles = tuple(Topics(name).vehicle for name in arguments.vehicle or ["drone1"])
@@ -95,7 +98,10 @@ class _Router:
 def _earlier_router(path: Path) -> _Router:
     """Router's file of an earlier run.
 
-    Raises ConfigError if it is not as it was written.
+    Raises
+    ------
+    ConfigError
+        If it is not as it was written.
     """
     if not path.exists():
         return _Router()

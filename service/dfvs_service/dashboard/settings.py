@@ -34,8 +34,11 @@ class DashboardSettings:
 def dashboard_settings(arguments: Namespace) -> DashboardSettings:
     """Settings from parsed arguments.
 
-    Raises ConfigError if a file cannot be used, the page could be reached from elsewhere without
-    encryption and a token, or the port is taken.
+    Raises
+    ------
+    ConfigError
+        If a file cannot be used, the page could be reached from elsewhere without encryption and
+        a token, or the port is taken.
     """
     tokens = _tokens(arguments)
     command_key = None if arguments.command_key is None else load_key(arguments.command_key)

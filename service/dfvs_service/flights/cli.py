@@ -30,7 +30,13 @@ exit code: 0 done, 2 there is no such flight, or it cannot be read or written
 
 
 def flights(words: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If there is no such flight, or it cannot be read or written.
+    """
     arguments = _parser().parse_args(words)
     section = settings_from(arguments).black_box
     if arguments.folder is not None:
@@ -96,7 +102,10 @@ def _export(store: FlightStore, arguments: argparse.Namespace) -> None:
 def export_flight(folder: Path, target: Path) -> int:
     """Pack all files of a flight as one ZIP file, under its name; returns how many.
 
-    Raises ConfigError if the target exists or cannot be written, or a file cannot be read.
+    Raises
+    ------
+    ConfigError
+        If the target exists or cannot be written, or a file cannot be read.
     """
     if target.exists():
         raise ConfigError(f"{target} exists", "a name that is free")

@@ -25,8 +25,12 @@ _MOST_AT_ONCE = 64
 class BlackBoxProcess:
     """Keeps a flight until it is told to stop, or until shortly after its parent is gone.
 
-    Raises ConfigError if no folder of flights is known; OSError if the runtime folder cannot be
-    used.
+    Raises
+    ------
+    ConfigError
+        If no folder of flights is known.
+    OSError
+        If the runtime folder cannot be used.
     """
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:

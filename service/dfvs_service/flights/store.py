@@ -27,7 +27,10 @@ def flights_folder(section: BlackBoxSection, environment: Mapping[str, str]) -> 
     ``black_box.folder``, else ``flights`` in systemd's ``$STATE_DIRECTORY``, else
     ``dfvs/flights`` in ``$XDG_STATE_HOME`` or ``~/.local/state``.
 
-    Raises ConfigError if none of them is known.
+    Raises
+    ------
+    ConfigError
+        If none of them is known.
     """
     try:
         if section.folder:
@@ -52,7 +55,10 @@ class FlightStore:
     def names(self) -> list[str]:
         """Names of all flights, oldest first; what is no flight is left out.
 
-        Raises ConfigError if the folder cannot be read.
+        Raises
+        ------
+        ConfigError
+            If the folder cannot be read.
         """
         try:
             return self._found()
@@ -73,7 +79,10 @@ class FlightStore:
     def folder(self, name: str) -> Path:
         """Folder of a flight; ``latest`` is the newest one.
 
-        Raises ConfigError if there is no such flight.
+        Raises
+        ------
+        ConfigError
+            If there is no such flight.
         """
         names = self.names()
         chosen = names[-1] if name == "latest" and names else name
@@ -91,7 +100,10 @@ class FlightStore:
         It is the newest, whatever the clock says: where that stepped back, the name's number grows.
         The mark is the file's lock, which goes when the file is closed, or with the process.
 
-        Raises OSError if it cannot be made.
+        Raises
+        ------
+        OSError
+            If it cannot be made.
         """
         self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
         newest = max(map(_order, self._found()), default=(1, "", ""))
@@ -108,7 +120,10 @@ class FlightStore:
     def make_room(self, max_bytes: int) -> None:
         """Remove the oldest flights until the rest is no larger; running ones are kept.
 
-        Raises OSError if the folder cannot be read.
+        Raises
+        ------
+        OSError
+            If the folder cannot be read.
         """
         sizes = {name: folder_bytes(self.path / name) for name in self._found()}
         total = sum(sizes.values())

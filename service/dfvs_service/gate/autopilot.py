@@ -90,9 +90,14 @@ class Autopilot:
     def connect(self, url: str, timeout_s: float) -> None:
         """Open the connection and wait for an autopilot; blocks.
 
-        Raises ConfigError if another program has the port; SerialDeviceError if a serial device is
-        not there in time, may not be used, or another program has it; VehicleError if the
-        connection cannot be opened or no autopilot is received in time.
+        Raises
+        ------
+        ConfigError
+            If another program has the port.
+        SerialDeviceError
+            If a serial device is not there in time, may not be used, or another program has it.
+        VehicleError
+            If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
         path = serial_path(url)

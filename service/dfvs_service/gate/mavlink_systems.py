@@ -31,7 +31,10 @@ def connect_autopilot(url: str, system_id: int, timeout_s: float) -> tuple[Mavsd
     ``system_id`` is the autopilot's; 0 takes the first autopilot that is heard. ``timeout_s`` is
     the longest wait for its heartbeat.
 
-    Raises VehicleError if the connection cannot be opened or no such autopilot is received in time.
+    Raises
+    ------
+    VehicleError
+        If the connection cannot be opened or no such autopilot is received in time.
     """
     deadline_s = time.monotonic() + timeout_s
     own_id = system_id or _USUAL_SYSTEM_ID

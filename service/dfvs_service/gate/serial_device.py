@@ -38,7 +38,10 @@ class SerialDevice:
 
     ``path`` may be a link.
 
-    Raises OSError if it cannot be opened, or another program has it.
+    Raises
+    ------
+    OSError
+        If it cannot be opened, or another program has it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -65,8 +68,10 @@ def wait_for_device(
 ) -> SerialDevice:
     """Wait until a device is there and may be used, and lock it.
 
-    Raises SerialDeviceError if that is not so within the time; at once if another program has the
-    device.
+    Raises
+    ------
+    SerialDeviceError
+        If that is not so within the time; at once if another program has the device.
     """
     deadline_s = now_s() + timeout_s
     while True:

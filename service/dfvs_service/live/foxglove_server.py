@@ -16,7 +16,10 @@ class FoxgloveServer:
 
     Foxglove calls the connection by ``name``; with ``port`` 0 the system chooses one.
 
-    Raises ConfigError if the port is taken.
+    Raises
+    ------
+    ConfigError
+        If the port is taken.
     """
 
     def __init__(self, name: str, port: int) -> None:

@@ -179,7 +179,10 @@ def _by_axis(axes: Sequence[str], values: object) -> dict[str, float]:
 def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
     """Serve until SIGTERM or Ctrl-C, whether or not the service is there.
 
-    Raises ConfigError if the address cannot be served on, or a certificate's file cannot be used.
+    Raises
+    ------
+    ConfigError
+        If the address cannot be served on, or a certificate's file cannot be used.
     """
     require_usable_files(config.zenoh)
     os.nice(_NICENESS)

@@ -54,7 +54,10 @@ class OperatorLink:
     def run(self) -> None:
         """Work until told to stop.
 
-        Raises ConfigError if Zenoh cannot be opened.
+        Raises
+        ------
+        ConfigError
+            If Zenoh cannot be opened.
         """
         session = self._open()
         if session is not None:

@@ -90,7 +90,10 @@ def render(page: Page) -> str:
 def require_page_extra(command: str) -> None:
     """Say what is missing before any work.
 
-    Raises ConfigError if Jinja2 is not installed.
+    Raises
+    ------
+    ConfigError
+        If Jinja2 is not installed.
     """
     require_package(f"{command} needs", "jinja2", "report")
 

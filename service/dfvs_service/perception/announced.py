@@ -64,7 +64,10 @@ def subscribe_calibration(
 def open_as_service(config: ServiceConfig) -> zenoh.Session:
     """Session of the service itself, which listens where its settings say.
 
-    Raises ConfigError if it cannot be opened, such as where another service runs.
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened, such as where another service runs.
     """
     return open_session(config.zenoh, (config.vehicle.name,))
 
@@ -76,7 +79,10 @@ def await_camera(
 
     ``open_link`` opens the session to listen on.
 
-    Raises DfvsError if what it announces cannot be used, or Zenoh cannot be opened.
+    Raises
+    ------
+    DfvsError
+        If what it announces cannot be used, or Zenoh cannot be opened.
     """
     if config.camera.announced_s <= 0:
         return None

@@ -34,7 +34,10 @@ class Clocks:
 def flow_matcher(flow: FlowSection) -> Matcher:
     """Matcher of the settings; without a working width, at the default one.
 
-    Raises ModelError if there is no such model or provider, or it cannot be used.
+    Raises
+    ------
+    ModelError
+        If there is no such model or provider, or it cannot be used.
     """
     config = MatchingConfig()
     if flow.working_width_px > 0:
@@ -52,7 +55,10 @@ def servo_task(config: ServiceConfig, goal: Goal) -> ServoTask:
 def depth_network(config: ServiceConfig) -> DepthNetwork | None:
     """Depth network that the settings ask for; None where they ask for none.
 
-    Raises ModelError if there is no such bundle, or it cannot be used.
+    Raises
+    ------
+    ModelError
+        If there is no such bundle, or it cannot be used.
     """
     flow, cache = config.flow, engine_cache(os.environ)
     return load_depth(config.servo.depth, config.depth.model, flow.threads, flow.provider, cache)
@@ -61,7 +67,10 @@ def depth_network(config: ServiceConfig) -> DepthNetwork | None:
 def perception_files(config: ServiceConfig) -> dict[str, str]:
     """SHA-256 of every file of the models that perception works by, by name.
 
-    Raises ModelError if they cannot be read.
+    Raises
+    ------
+    ModelError
+        If they cannot be read.
     """
     depth = depth_files(config.servo.depth, config.depth.model)
     return model_files(config.flow.model) | depth

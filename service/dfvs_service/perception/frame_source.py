@@ -18,13 +18,19 @@ class FrameSource(Protocol):
     def translate(self, sample: RawSample) -> RawSample:
         """Sample in our own wire format.
 
-        Raises DfvsError if it cannot be used.
+        Raises
+        ------
+        DfvsError
+            If it cannot be used.
         """
 
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera that an announcement describes, None where it is not calibrated.
 
-        Raises DfvsError if it cannot be read.
+        Raises
+        ------
+        DfvsError
+            If it cannot be read.
         """
 
 
@@ -47,8 +53,10 @@ class DfvsFrameSource:
 def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:
     """FrameSource of the camera that the settings name.
 
-    Raises ConfigError if ROS 2 is asked for and rosbags is not installed, or a topic's name is
-    none.
+    Raises
+    ------
+    ConfigError
+        If ROS 2 is asked for and rosbags is not installed, or a topic's name is none.
     """
     source = config.camera.source
     if source == "dfvs":

@@ -69,7 +69,10 @@ class PerceptionProcess:
 
     ``runtime`` holds the goals to fly to in a row.
 
-    Raises DfvsError if a goal or a model cannot be used.
+    Raises
+    ------
+    DfvsError
+        If a goal or a model cannot be used.
     """
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:

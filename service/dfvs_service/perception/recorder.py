@@ -22,7 +22,10 @@ class FrameRecorder:
 
     ``clock`` is the identity of the process's monotonic clock, which ``tick`` reads in ns.
 
-    Raises ModelError if the model's files cannot be read.
+    Raises
+    ------
+    ModelError
+        If the model's files cannot be read.
     """
 
     def __init__(

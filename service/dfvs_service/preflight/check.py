@@ -59,7 +59,10 @@ def check_everything(
     The camera is checked against every goal of the route, the rest against the first.
     ``show`` takes an image (H, W, 3) of what was seen; there is none where no model works.
 
-    Raises DfvsError if the processes cannot run, such as when a port is taken.
+    Raises
+    ------
+    DfvsError
+        If the processes cannot run, such as when a port is taken.
     """
     _, goal = route[0]
     camera = (*camera_checks(config, route), *stream_checks(config, goal))
@@ -143,7 +146,10 @@ class Observer:
 
         ``loss`` says how a process crashed that had to run on, which is a check that fails.
 
-        Raises DfvsError if a process could not run, or the check was interrupted.
+        Raises
+        ------
+        DfvsError
+            If a process could not run, or the check was interrupted.
         """
         if self.is_done and self.checks:
             return self.checks

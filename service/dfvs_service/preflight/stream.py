@@ -33,7 +33,10 @@ class Stream:
 def stream_checks(config: ServiceConfig, goal: Goal) -> tuple[Check, ...]:
     """Listen to the camera for a second, in the service's place.
 
-    Raises ConfigError if Zenoh cannot be opened.
+    Raises
+    ------
+    ConfigError
+        If Zenoh cannot be opened.
     """
     camera = config.camera.model() or goal.sidecar.camera
     refusals: list[str] = []

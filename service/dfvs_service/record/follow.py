@@ -129,7 +129,10 @@ class RecordSequencer:
 class Follower:
     """Follows a service, which may come and go, until told to stop.
 
-    Raises ConfigError if a certificate's file cannot be used.
+    Raises
+    ------
+    ConfigError
+        If a certificate's file cannot be used.
     """
 
     def __init__(self, config: ServiceConfig) -> None:

@@ -12,7 +12,10 @@ _MODULES = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 def require_record_extra() -> None:
     """Say what is missing before anything is started.
 
-    Raises ConfigError if one of the libraries is not installed.
+    Raises
+    ------
+    ConfigError
+        If one of the libraries is not installed.
     """
     for name in _MODULES:
         require_package("recordings need", name, "record")
@@ -21,7 +24,10 @@ def require_record_extra() -> None:
 def prepare_folder(path: Path) -> Path:
     """Make the folder for recordings, and see that it can be written to.
 
-    Raises ConfigError if it cannot.
+    Raises
+    ------
+    ConfigError
+        If it cannot.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

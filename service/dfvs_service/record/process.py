@@ -61,7 +61,10 @@ def record(
 class RecorderProcess:
     """Records the service that started it, in the folder of the settings.
 
-    Raises ConfigError if the folder cannot be used.
+    Raises
+    ------
+    ConfigError
+        If the folder cannot be used.
     """
 
     def __init__(self, config: ServiceConfig) -> None:

@@ -33,7 +33,10 @@ def open_records(path: Path, warn: Callable[[str], None]) -> Iterator[Iterator[M
 
     ``warn`` takes a line about damaged chunks, and one where the file ends early.
 
-    Raises RecordingError if the file cannot be read; a NotMcapError if it is not MCAP at all.
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read; a NotMcapError if it is not MCAP at all.
     """
     try:
         file = path.open("rb")
@@ -77,7 +80,10 @@ def recover(source: Path, target: Path, warn: Callable[[str], None]) -> int:
 
     ``warn`` takes a line about what could not be read.
 
-    Raises RecordingError if the source is no recording, or the target exists or cannot be written.
+    Raises
+    ------
+    RecordingError
+        If the source is no recording, or the target exists or cannot be written.
     """
     partial = target.with_name(target.name + ".part")
     if target.exists():

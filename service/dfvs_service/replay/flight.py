@@ -97,7 +97,10 @@ class FlightReplay:
     def open(self, header: SessionHeader, image: bytes) -> None:
         """Build perception for the frame records to come; in the same run, go on to its goal.
 
-        Raises DfvsError if settings, model or goal (a PNG) cannot be used.
+        Raises
+        ------
+        DfvsError
+            If settings, model or goal (a PNG) cannot be used.
         """
         config = self._trial.applied_to(recorded_settings(header))
         model = perception_files(config)
@@ -190,7 +193,10 @@ def _relevant(settings: Mapping[str, Any]) -> dict[str, Any]:
 def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> Replay:
     """Run a recording again; ``show`` receives how many frames were, after each.
 
-    Raises DfvsError if recording, settings or model cannot be used.
+    Raises
+    ------
+    DfvsError
+        If recording, settings or model cannot be used.
     """
     flight = FlightReplay(trial)
     frames: list[Rerun] = []

@@ -20,7 +20,13 @@ _EXPECTED = "the gate-inputs.jsonl of a flight"
 
 
 def replay_gate(words: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If the file cannot be read or is no journal.
+    """
     parser = command_parser(
         "dfvs-service replay-gate",
         "Put the inputs that the gate recorded (gate-inputs.jsonl in the runtime "

@@ -91,7 +91,10 @@ class TimedMatcher:
 def recorded_settings(header: SessionHeader) -> ServiceConfig:
     """Settings of the flight.
 
-    Raises RecordingError if this version does not know them.
+    Raises
+    ------
+    RecordingError
+        If this version does not know them.
     """
     try:
         return parse(ServiceConfig, with_present_names(ServiceConfig, header.settings))
@@ -104,6 +107,9 @@ def recorded_settings(header: SessionHeader) -> ServiceConfig:
 def recorded_goal(header: SessionHeader, image: bytes) -> Goal:
     """Goal of a session header, from its PNG.
 
-    Raises DfvsError if image or sidecar cannot be read.
+    Raises
+    ------
+    DfvsError
+        If image or sidecar cannot be read.
     """
     return Goal(decode_image(image), parse(GoalSidecar, header.sidecar))

@@ -131,7 +131,10 @@ def add_truth(flight: Flight, path: Path) -> None:
 
     ``path`` holds JSON lines with ``t_ns`` (monotonic), ``error_m`` and ``error_rad``.
 
-    Raises ConfigError if the file cannot be read or holds something else.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or holds something else.
     """
     try:
         for line in path.read_text(encoding="utf-8").splitlines():

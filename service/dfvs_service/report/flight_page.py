@@ -33,7 +33,10 @@ def make_report(
     ``video_path`` takes the film (VP8 in WebM), replaced once it is whole; a flight without a view
     has none. ``show`` is given every view once it is in the video.
 
-    Raises DfvsError if the video cannot be written or the views cannot be read.
+    Raises
+    ------
+    DfvsError
+        If the video cannot be written or the views cannot be read.
     """
     video = VideoWriter(video_path, flight, source.video_rate_hz)
 

@@ -35,7 +35,10 @@ class RecordedFlight:
     def read(self) -> Flight:
         """Read all but the views.
 
-        Raises RecordingError if the files cannot be read, or hold no flight.
+        Raises
+        ------
+        RecordingError
+            If the files cannot be read, or hold no flight.
         """
         reader = _Reader()
         for entry in read_recording(self._paths, reader.warn):
@@ -48,7 +51,10 @@ class RecordedFlight:
     def views(self) -> Iterator[FlightView]:
         """Every frame that perception looked at, with its flow where perception can run again.
 
-        Raises RecordingError as ``read`` does.
+        Raises
+        ------
+        RecordingError
+            As ``read`` does.
         """
         replay: FlightReplay | None = FlightReplay(Trial())
         for entry in read_recording(self._paths, lambda _: None):  # ``read`` passes it on

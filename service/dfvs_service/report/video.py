@@ -65,7 +65,10 @@ class VideoWriter:
     def add(self, view: FlightView) -> None:
         """Take the next view; views must come in the order of their time.
 
-        Raises ConfigError if the video cannot be written.
+        Raises
+        ------
+        ConfigError
+            If the video cannot be written.
         """
         if self._writer is None:
             self._begin(view)
@@ -76,7 +79,10 @@ class VideoWriter:
     def close(self) -> bool:
         """Put the video in the place of an older one; returns whether there is one.
 
-        Raises ConfigError if it cannot be written.
+        Raises
+        ------
+        ConfigError
+            If it cannot be written.
         """
         self._show_until(self._line.to_s)
         if self._writer is None:

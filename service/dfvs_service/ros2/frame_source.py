@@ -57,7 +57,10 @@ class WallClock:
     def monotonic_of(self, stamp_ns: int, now: ClockReading) -> int:
         """Monotonic time of a stamp.
 
-        Raises WireError if the wall clock was set since the last call.
+        Raises
+        ------
+        WireError
+            If the wall clock was set since the last call.
         """
         offset_ns = now.wall_ns - now.monotonic_ns
         before_ns, self._offset_ns = self._offset_ns, offset_ns
@@ -98,16 +101,21 @@ class Ros2FrameSource:
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera of a CameraInfo, None where it is not calibrated.
 
-        Raises DfvsError if the bytes are no CameraInfo, or describe a camera that our model cannot
-        hold.
+        Raises
+        ------
+        DfvsError
+            If the bytes are no CameraInfo, or describe a camera that our model cannot hold.
         """
         return camera_of(decode(CAMERA_INFO, payload), self._is_rectified)
 
     def translate(self, sample: RawSample) -> RawSample:
         """Sample in our own wire format.
 
-        Raises DfvsError if it is no message of the type, the message cannot be used, or another
-        camera sent the one before.
+        Raises
+        ------
+        DfvsError
+            If it is no message of the type, the message cannot be used, or another camera sent the
+            one before.
         """
         now = self._clocks()
         message = decode(self._type_name, sample.payload)

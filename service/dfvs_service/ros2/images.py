@@ -67,7 +67,10 @@ _ENCODINGS = {
 def stamp_ns(message: Any) -> int:
     """Wall-clock time in ns of a message's header.
 
-    Raises WireError if the header carries none.
+    Raises
+    ------
+    WireError
+        If the header carries none.
     """
     stamp = message.header.stamp
     total = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
@@ -83,7 +86,10 @@ def stamp_ns(message: Any) -> int:
 def from_image(message: Any) -> Pixels:
     """Take an Image apart.
 
-    Raises WireError if its encoding is unknown, or its sizes do not fit each other.
+    Raises
+    ------
+    WireError
+        If its encoding is unknown, or its sizes do not fit each other.
     """
     encoding = _ENCODINGS.get(message.encoding)
     if encoding is None:
@@ -119,8 +125,12 @@ def _check_size(width: int, height: int) -> None:
 def from_compressed(message: Any) -> Pixels:
     """Take a CompressedImage apart; nothing is decoded.
 
-    Raises ImageError if it is neither JPEG nor PNG; WireError if it is too large or carries no
-    time.
+    Raises
+    ------
+    ImageError
+        If it is neither JPEG nor PNG.
+    WireError
+        If it is too large or carries no time.
     """
     payload = message.data.tobytes()
     width, height = image_size(payload)
@@ -136,8 +146,13 @@ def camera_of(info: Any, is_rectified: bool) -> CameraModel | None:
     A rectified image is that of the projection matrix P and has no distortion any more; a raw one
     is that of K and D.
 
-    Raises WireError if it describes a lens or a part of an image that our model cannot hold, or
-    lacks the P of a rectified image; GeometryError if its numbers are no camera's.
+    Raises
+    ------
+    WireError
+        If it describes a lens or a part of an image that our model cannot hold, or lacks the P of
+        a rectified image.
+    GeometryError
+        If its numbers are no camera's.
     """
     matrix = info.p.reshape(3, 4) if is_rectified else info.k.reshape(3, 3)
     (fx, _, cx), (_, fy, cy) = matrix[:2, :3].tolist()

@@ -48,7 +48,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def run(words: Sequence[str]) -> int:
-    """Teach until interrupted; returns the exit code."""
+    """Teach until interrupted; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If folder, camera or vehicle cannot be used.
+    """
     arguments = _parser().parse_args(words)
     config = settings_from(arguments, {"vehicle.mavlink": arguments.mavlink})
     if not 0.2 <= arguments.overlap <= 0.95:

@@ -22,7 +22,10 @@ from dfvs_service.zenoh_session import attachment_of, open_session
 def open_beside(config: ServiceConfig) -> zenoh.Session:
     """Session beside a running service, or in its place where none runs.
 
-    Raises ConfigError if neither can be opened.
+    Raises
+    ------
+    ConfigError
+        If neither can be opened.
     """
     try:
         return open_session(operators_zenoh(config.zenoh))
@@ -35,7 +38,10 @@ def open_beside(config: ServiceConfig) -> zenoh.Session:
 def known_camera(config: ServiceConfig) -> CameraModel:
     """Calibration by the settings, or as the camera announces it.
 
-    Raises ConfigError if neither tells it.
+    Raises
+    ------
+    ConfigError
+        If neither tells it.
     """
     camera = with_calibration(config).camera.model() or await_camera(config, open_beside)
     wait_s = config.camera.announced_s

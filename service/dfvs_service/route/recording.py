@@ -155,7 +155,10 @@ class RouteRecorder:
 def prepare_route_folder(folder: Path) -> None:
     """Make the folder of a route.
 
-    Raises ConfigError if it cannot be made, or holds images already.
+    Raises
+    ------
+    ConfigError
+        If it cannot be made, or holds images already.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -35,8 +35,10 @@ class VehicleStateListener:
         ``timeout_s`` is the longest wait for a heartbeat; ``system_id`` 0 takes the only autopilot
         on the link.
 
-        Raises VehicleError if the connection cannot be opened, none is received in time, or there
-        are several.
+        Raises
+        ------
+        VehicleError
+            If the connection cannot be opened, none is received in time, or there are several.
         """
         # MAVSDK is needed here alone, and takes its time to load.
         from dfvs_service.gate.autopilot import LISTEN_S, Autopilot

@@ -23,7 +23,10 @@ _REMEDY = (
 def write_calibration(path: Path, camera: CameraModel, remarks: Sequence[str]) -> None:
     """Write a calibration, complete or not at all, with remarks as comments.
 
-    Raises ConfigError if the file cannot be written.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
     """
     numbers = ", ".join(repr(float(value)) for value in camera.distortion)
     lines = [
@@ -40,7 +43,10 @@ def write_calibration(path: Path, camera: CameraModel, remarks: Sequence[str]) -
 def read_calibration(path: Path) -> CameraModel:
     """Camera of a settings file with a ``[camera]`` section.
 
-    Raises ConfigError if it cannot be read or holds no intrinsics.
+    Raises
+    ------
+    ConfigError
+        If it cannot be read or holds no intrinsics.
     """
     try:
         camera = load_config(path, {}).camera.model()
@@ -56,7 +62,10 @@ def read_calibration(path: Path) -> CameraModel:
 def with_calibration(config: ServiceConfig) -> ServiceConfig:
     """Settings in which ``camera.calibration_file``, where one is named, has been read.
 
-    Raises ConfigError if the file cannot be used, or the settings hold other intrinsics as well.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be used, or the settings hold other intrinsics as well.
     """
     section = config.camera
     if not section.calibration_file:
@@ -72,7 +81,10 @@ def with_intrinsics(
 ) -> ServiceConfig:
     """Settings with a camera's intrinsics; ``origin`` is their source.
 
-    Raises ConfigError if the settings name another size.
+    Raises
+    ------
+    ConfigError
+        If the settings name another size.
     """
     section = config.camera
     for name, given, read in (

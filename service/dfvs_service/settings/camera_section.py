@@ -81,7 +81,10 @@ class CameraSection:
     def model(self) -> CameraModel | None:
         """Camera model of these settings, None where they hold no intrinsics.
 
-        Raises ConfigError if intrinsics are given in part, or twice.
+        Raises
+        ------
+        ConfigError
+            If intrinsics are given in part, or twice.
         """
         fx, fy, cx, cy = self.fx, self.fy, self.cx, self.cy
         given = sum(value is not None for value in (fx, fy, cx, cy))

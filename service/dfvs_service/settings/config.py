@@ -116,7 +116,10 @@ class ServiceConfig:
         ``size`` (width, height) px of the goal image is taken where none is set; intrinsics and
         mounting are the sidecar's where none are set.
 
-        Raises ConfigError if no intrinsics are known.
+        Raises
+        ------
+        ConfigError
+            If no intrinsics are known.
         """
         camera = dataclasses.replace(
             self.camera, width=self.camera.width or size[0], height=self.camera.height or size[1]
@@ -140,7 +143,10 @@ class ServiceConfig:
 def config_from_json(text: str) -> ServiceConfig:
     """Read what ``ServiceConfig.to_json`` wrote.
 
-    Raises ConfigError if the text does not follow the schema.
+    Raises
+    ------
+    ConfigError
+        If the text does not follow the schema.
     """
     return parse(ServiceConfig, json.loads(text))
 
@@ -148,7 +154,10 @@ def config_from_json(text: str) -> ServiceConfig:
 def load_config(path: Path | None, overrides: Mapping[str, Any]) -> ServiceConfig:
     """Settings from a TOML file and from ``section.key`` overrides, angles in degrees in both.
 
-    Raises ConfigError if the file is missing or not TOML, or a key or value is wrong.
+    Raises
+    ------
+    ConfigError
+        If the file is missing or not TOML, or a key or value is wrong.
     """
     data: dict[str, Any] = {} if path is None else _read_toml(path)
     for dotted, value in overrides.items():
@@ -190,7 +199,10 @@ def _put(data: dict[str, Any], dotted: str, value: object) -> None:
 def parse_assignment(text: str) -> tuple[str, Any]:
     """``section.key=value`` of the command line; the value is TOML, or else a bare string.
 
-    Raises ConfigError if there is no ``=``.
+    Raises
+    ------
+    ConfigError
+        If there is no ``=``.
     """
     dotted, equals, value = text.partition("=")
     if not equals or not dotted.strip():

@@ -56,7 +56,10 @@ def read_image(path: str | Path) -> ImageArray:
 def read_sidecar(image_path: Path) -> GoalSidecar | None:
     """Sidecar of a goal image: the same name with ``.json``; None where there is none.
 
-    Raises ConfigError if it is there but does not follow the format.
+    Raises
+    ------
+    ConfigError
+        If it is there but does not follow the format.
     """
     path = image_path.with_suffix(".json")
     try:
@@ -102,7 +105,10 @@ def load_goal(image_path: str | Path) -> Goal:
 def load_goals(runtime: RuntimeFolder) -> list[Goal]:
     """Goal of a runtime folder, and those that follow it.
 
-    Raises DfvsError if one of them cannot be used.
+    Raises
+    ------
+    DfvsError
+        If one of them cannot be used.
     """
     return [load_goal(image_path) for image_path in (runtime.goal_image, *runtime.later_goals())]
 
@@ -110,7 +116,10 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
 def route_images(places: Sequence[Path]) -> list[Path]:
     """Images of a route: those that are named, and in place of a folder those in it, by name.
 
-    Raises ConfigError if a folder holds none.
+    Raises
+    ------
+    ConfigError
+        If a folder holds none.
     """
     paths: list[Path] = []
     for place in places:
@@ -129,7 +138,10 @@ def is_image(path: Path) -> bool:
 def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
     """Goal, after it was found that the image has the size of its camera, and shows something.
 
-    Raises ImageError if it has not, or is black, white or without contrast.
+    Raises
+    ------
+    ImageError
+        If it has not, or is black, white or without contrast.
     """
     remedy = "take the goal with the camera that flies, or correct the camera's settings"
     sidecar.camera.check_size(image, f"the goal image {path}", remedy)
@@ -141,8 +153,12 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
 def goal_command(image_path: Path) -> GoalCommand:
     """Goal image and its sidecar as they are sent to a running service.
 
-    Raises ImageError if the image cannot be read, or is not of its sidecar's size; ConfigError if
-    the sidecar cannot be used.
+    Raises
+    ------
+    ImageError
+        If the image cannot be read, or is not of its sidecar's size.
+    ConfigError
+        If the sidecar cannot be used.
     """
     image, sidecar = read_image(image_path), read_sidecar(image_path)
     if sidecar is not None:
@@ -153,8 +169,12 @@ def goal_command(image_path: Path) -> GoalCommand:
 def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
     """Goal of a command whose signature was verified; what its sidecar lacks is as in ``flown``.
 
-    Raises ImageError if the image cannot be read, or is not of its camera's size; ConfigError if
-    the sidecar cannot be used, or is of another camera than the one that flies.
+    Raises
+    ------
+    ImageError
+        If the image cannot be read, or is not of its camera's size.
+    ConfigError
+        If the sidecar cannot be used, or is of another camera than the one that flies.
     """
     image = decode_image(command.image)
     sidecar = GoalSidecar.from_json(command.sidecar, flown) if command.sidecar else flown

@@ -18,7 +18,10 @@ def load_key(path: Path, make: str = _MAKE_KEY) -> bytes:
 
     ``make`` is the command that makes such a file.
 
-    Raises ConfigError if the file cannot be read, is open to others, or holds too little.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is open to others, or holds too little.
     """
     try:
         with path.open("rb") as file:
@@ -40,7 +43,10 @@ def load_key(path: Path, make: str = _MAKE_KEY) -> bytes:
 def check_private(path: Path) -> None:
     """Check that nobody but its owner may read a file.
 
-    Raises ConfigError if others may, or it is not there.
+    Raises
+    ------
+    ConfigError
+        If others may, or it is not there.
     """
     try:
         mode = path.stat().st_mode
@@ -61,7 +67,10 @@ def _check_mode(path: Path, mode: int) -> None:
 def create_key(path: Path) -> None:
     """Write a fresh random key to a new file of mode 0600.
 
-    Raises ConfigError if the file exists already or cannot be written.
+    Raises
+    ------
+    ConfigError
+        If the file exists already or cannot be written.
     """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -30,7 +30,10 @@ def settings_from(
     ``arguments`` have the options of :func:`add_settings_options`. ``shortcuts`` map
     ``section.key`` to the value of its own option, None where it was not given.
 
-    Raises ConfigError if the file cannot be read, or a key or value is wrong.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or a key or value is wrong.
     """
     overrides = dict(parse_assignment(text) for text in arguments.assignments)
     named = {"vehicle.name": arguments.vehicle, **(shortcuts or {})}

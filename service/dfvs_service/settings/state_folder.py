@@ -10,7 +10,10 @@ def state_folder(environment: Mapping[str, str]) -> Path:
 
     systemd's ``$STATE_DIRECTORY``, else ``dfvs`` in ``$XDG_STATE_HOME`` or ``~/.local/state``.
 
-    Raises RuntimeError if none of them is known: there is no home folder.
+    Raises
+    ------
+    RuntimeError
+        If none of them is known: there is no home folder.
     """
     if state := environment.get("STATE_DIRECTORY", "").split(":")[0]:
         return Path(state).absolute()

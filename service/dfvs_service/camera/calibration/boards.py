@@ -61,7 +61,10 @@ class BoardSpec:
 def parse_board(text: str) -> BoardSpec:
     """Board of a command line: ``charuco:7x5:0.04:0.03[:5X5_100]`` or ``chessboard:9x6:0.025``.
 
-    Raises ConfigError if it is none.
+    Raises
+    ------
+    ConfigError
+        If it is none.
     """
     match = _BOARD.fullmatch(text)
     if match is None or (match["kind"] == "charuco") != (match["marker"] is not None):

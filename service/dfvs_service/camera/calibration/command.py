@@ -54,7 +54,13 @@ def _board_option(parser: argparse.ArgumentParser) -> None:
 
 
 def run_board(words: Sequence[str]) -> int:
-    """Draw a board to be printed; exit code 0."""
+    """Draw a board to be printed; exit code 0.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such board, or the file cannot be written.
+    """
     parser = argparse.ArgumentParser(
         prog="dfvs-camera board",
         description="Draw a calibration board, ready to be printed at its true size.",
@@ -81,7 +87,13 @@ def run_board(words: Sequence[str]) -> int:
 
 
 def run(words: Sequence[str]) -> int:
-    """Calibrate; exit code 0, or 1 where the result is doubtful."""
+    """Calibrate; exit code 0, or 1 where the result is doubtful.
+
+    Raises
+    ------
+    DfvsError
+        If source, board or output cannot be used, or the images fix no camera.
+    """
     arguments = _parser().parse_args(words)
     board = Board(parse_board(arguments.board))
     if arguments.out.suffix != ".toml":

@@ -66,8 +66,12 @@ class Calibration:
 def calibrate(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> Calibration:
     """Fit a camera to images of (width, height) px; one that does not fit is left out, once.
 
-    Raises ConfigError if there are too few images, or they fix no camera; GeometryError if no
-    camera can have the intrinsics that fit best.
+    Raises
+    ------
+    ConfigError
+        If there are too few images, or they fix no camera.
+    GeometryError
+        If no camera can have the intrinsics that fit best.
     """
     fit = _fit(views, size, lens)
     errors_px = dict(zip((view.name for view in views), fit.errors_px, strict=True))

@@ -35,8 +35,12 @@ def buffer_time_ns(buffer_ms: float, now_ns: int) -> int | None:
 class CaptureSource:
     """A source that OpenCV opens.
 
-    Raises SourceLostError if a live source cannot be reached right now; CameraError if OpenCV was
-    built without what it takes, or a video file cannot be read.
+    Raises
+    ------
+    SourceLostError
+        If a live source cannot be reached right now.
+    CameraError
+        If OpenCV was built without what it takes, or a video file cannot be read.
     """
 
     def __init__(self, spec: SourceSpec, options: SourceOptions) -> None:

@@ -15,8 +15,12 @@ _DEFAULT_SIZE = (640, 480)
 class PicameraSource:
     """A camera of libcamera.
 
-    Raises CameraError if Picamera2 is not installed or cannot be loaded, or there is no camera of
-    that number; SourceLostError if the camera cannot be started right now.
+    Raises
+    ------
+    CameraError
+        If Picamera2 is not installed or cannot be loaded, or there is no camera of that number.
+    SourceLostError
+        If the camera cannot be started right now.
     """
 
     def __init__(self, number: int, options: SourceOptions) -> None:

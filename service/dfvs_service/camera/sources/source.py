@@ -34,8 +34,12 @@ class Source(Protocol):
     def read(self) -> CapturedImage | None:
         """Wait for the next image; None at the end of a recording.
 
-        Raises SourceLostError if a live source gives no more images; CameraError if what it gives
-        cannot be used.
+        Raises
+        ------
+        SourceLostError
+            If a live source gives no more images.
+        CameraError
+            If what it gives cannot be used.
         """
 
     def close(self) -> None:
@@ -45,7 +49,10 @@ class Source(Protocol):
 def image_paths(place: str) -> list[Path]:
     """Images of a folder in the order of their names, or the one image that is named.
 
-    Raises CameraError if there are none.
+    Raises
+    ------
+    CameraError
+        If there are none.
     """
     path = Path(place)
     if path.is_file():
@@ -77,8 +84,12 @@ class ImageSource:
 def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
     """Open a source.
 
-    Raises SourceLostError if a live source cannot be reached right now; CameraError if it can never
-    be opened like this.
+    Raises
+    ------
+    SourceLostError
+        If a live source cannot be reached right now.
+    CameraError
+        If it can never be opened like this.
     """
     if spec.kind is SourceKind.PICAMERA:
         from dfvs_service.camera.sources.picamera import PicameraSource
@@ -94,7 +105,10 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
 def check_size(image: ImageArray, wanted: tuple[int, int] | None, who: str) -> tuple[int, int]:
     """Size (width, height) px of an image, which must be the wanted one where that is not None.
 
-    Raises CameraError if it has another size.
+    Raises
+    ------
+    CameraError
+        If it has another size.
     """
     height, width = image.shape[:2]
     if wanted is not None and (width, height) != wanted:

@@ -62,7 +62,10 @@ class SourceSpec:
 def parse_source(text: str) -> SourceSpec:
     """Kind of source that a word of the command line names.
 
-    Raises CameraError if it is none of them, or may not be read.
+    Raises
+    ------
+    CameraError
+        If it is none of them, or may not be read.
     """
     if text.isdecimal():
         return SourceSpec(SourceKind.V4L2, f"{_DEVICES}video{text}")

@@ -54,7 +54,10 @@ class Sample:
 def unpack(arrival: Arrival) -> Sample:
     """Read an arrival.
 
-    Raises DfvsError if it is not what its stream should carry.
+    Raises
+    ------
+    DfvsError
+        If it is not what its stream should carry.
     """
     return Sample(arrival.vehicle, arrival.stream, _content(arrival), arrival.replaced)
 
@@ -83,8 +86,12 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     A JPEG is passed on unopened, once its own header agrees with the frame's; other formats are
     decoded, made at most ``MAX_VIEW_WIDTH`` wide, and encoded.
 
-    Raises WireError if the attachment is not a frame's, or the sizes disagree or are beyond all
-    use; ImageError if the image cannot be decoded.
+    Raises
+    ------
+    WireError
+        If the attachment is not a frame's, or the sizes disagree or are beyond all use.
+    ImageError
+        If the image cannot be decoded.
     """
     header = decode_header(attachment)
     width, height = header.width, header.height

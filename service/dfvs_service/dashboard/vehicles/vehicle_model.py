@@ -74,8 +74,10 @@ class VehicleModel:
     def on_document(self, stream: str, document: object, now: Moment) -> Update:
         """Take a document of a stream; returns what is new to the page.
 
-        Raises DfvsError if it does not follow its schema; fields that are not known yet are passed
-        over.
+        Raises
+        ------
+        DfvsError
+            If it does not follow its schema; fields that are not known yet are passed over.
         """
         if not isinstance(document, Mapping):
             raise WireError(f"{stream} telemetry is not a mapping")
