@@ -105,7 +105,7 @@ class Manifest:
             self._check_mono(self.depth)
 
     def match_feeds(self, first: Sequence[T], second: Sequence[T]) -> dict[str, T]:
-        """Name what goes into the graph ``match``: outputs of ``encode`` of both images.
+        """Name what goes into the graph ``match``: the first outputs of ``encode`` of both images.
 
         An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
         image that the flow starts from) or ``second_``.
@@ -118,7 +118,7 @@ class Manifest:
         made: dict[str, T] = {}
         for side, features in (("first_", first), ("second_", second)):
             names = self.graphs["encode"].outputs
-            made |= {side + name: x for name, x in zip(names, features, strict=True)}
+            made |= {side + name: x for name, x in zip(names, features, strict=False)}
         wanted = self.graphs["match"].inputs
         if unknown := sorted(set(wanted) - set(made)):
             raise ModelError(f"graph 'match' takes {unknown}", f"some of {sorted(made)}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
-from dfvs_core.matching.points import Exclusion, PointMatches
+from dfvs_core.matching.points import NO_MATCHES, Exclusion, PointMatches
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
@@ -26,12 +26,21 @@ _OUTSIDE = -1e4
 """Value of a pixel outside of the image, so low that an interpolated one is negative too."""
 
 
+def found_keypoints(encoded: list[Float32Array]) -> list[Float32Array]:
+    """Outputs of the ``encode`` graph without the rows of score 0, which are no keypoints."""
+    is_found = encoded[-1][0] > 0
+    return [tensor[:, is_found] for tensor in encoded]
+
+
 class Keypoints:
     """Outputs of the ``encode`` graph, and the map (2, 3) from the network's px to the image's."""
 
     def __init__(self, tensors: list[Float32Array], to_image: FloatArray) -> None:
         self.tensors = tensors
         self._to_image = to_image
+
+    def __len__(self) -> int:
+        return int(self.tensors[0].shape[1])
 
     def in_image(self, points: Float32Array) -> Float32Array:
         """Points (N, 2) of the network's image in px of the image."""
@@ -126,7 +135,9 @@ class EncodeMatchPoints:
         def support(second: Keypoints) -> float:
             return float(self._match_points(few, second.strongest()).confidence.sum())
 
-        for second in sorted(changed, key=support, reverse=True):
+        if len(changed) > 1:
+            changed.sort(key=support, reverse=True)
+        for second in changed:
             found = self._match_points(first, second)
             if exclusion is not None and (wrong := exclusion(found)).any():
                 found = self._match_points(first.without(found.current[wrong]), second)
@@ -142,6 +153,8 @@ class EncodeMatchPoints:
         return self._match_points(first.strongest(), second.strongest())
 
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
+        if not (len(first) and len(second)):
+            return NO_MATCHES
         feeds = self._manifest.match_feeds(first.tensors, second.tensors)
         points, confidence = (found[0] for found in self._match.run(list(feeds.values())))
         confidence = np.nan_to_num(confidence, posinf=0.0)
@@ -173,7 +186,7 @@ class EncodeMatchPoints:
             borderValue=_OUTSIDE,
         )
         canvas = np.asarray(warped, np.float32)
-        tensors = self._encode.run([canvas[None, None]])
+        tensors = found_keypoints(self._encode.run([canvas[None, None]]))
         # to the image: back by the turn, then from its scaled pixels to its own
         linear = turn.T / scale
         return Keypoints(tensors, np.column_stack([linear, (0.5 - turn.T @ shift) / scale - 0.5]))
@@ -195,9 +208,22 @@ class EncodeMatchPoints:
             raise ModelError(f"graph 'encode' takes {actual}", f"tensor(float) of {shape}")
 
     def _try_out(self) -> None:
-        """Run both once: shapes that lie and weights that are not finite show up."""
-        height, width = self._input.height, self._input.width
-        tensors = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest().tensors
+        """Run both: shapes that lie and weights that are not finite show up.
+
+        With the fewest keypoints and the most: TensorRT's engine is for the sizes that it has seen.
+        """
+        trial = trial_image(self._input.width, self._input.height)
+        encoded = self.keypoints(trial, 0.0, 1.0).tensors
+        if not (count := encoded[0].shape[1]):
+            raise ModelError(
+                "graph 'encode' finds no keypoint in a ramp of all greys",
+                "scores above 0",
+                "its weights are damaged",
+            )
+        for few in (1, count):
+            self._try_match([tensor[:, :few] for tensor in encoded])
+
+    def _try_match(self, tensors: list[Float32Array]) -> None:
         feeds = self._manifest.match_feeds(tensors, tensors)
         given = [(0, *tensor.shape[2:]) for tensor in feeds.values()]
         expected = [spec.shape[1:] for spec in self._match.inputs]

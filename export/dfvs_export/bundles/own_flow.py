@@ -27,7 +27,7 @@ _SAME_KEYPOINTS = 0.99
 """Share of the keypoints that torch and ONNX Runtime find alike; scores that tie may swap."""
 _ENCODE: TensorNames = (("image",), ("points", "descriptors", "scores"))
 _MATCH: TensorNames = (
-    tuple(f"{side}_{name}" for side in ("first", "second") for name in _ENCODE[1]),
+    tuple(f"{side}_{name}" for side in ("first", "second") for name in Keypoints._fields),
     ("partners", "confidence"),
 )
 _ANY_SIZE = {
@@ -56,7 +56,8 @@ _LIMITS = """\
 class MatchGraph(nn.Module):
     """Keypoints of two images to partners (B, N, 2) px of the first's, and confidence (B, N).
 
-    The confidence is 0 where two points are not each other's likeliest partner.
+    Those of an image are points and descriptors. The confidence is 0 where two points are not
+    each other's likeliest partner.
     """
 
     def __init__(self, matcher: LighterGlue) -> None:
@@ -65,12 +66,12 @@ class MatchGraph(nn.Module):
 
     def forward(self, *tensors: Tensor) -> tuple[Tensor, Tensor]:
         """Partners and confidence."""
-        first, second = Keypoints(*tensors[:3]), Keypoints(*tensors[3:])
+        first, second = Keypoints(*tensors[:2]), Keypoints(*tensors[2:])
         log = self.matcher(first, second).log_probability
         best, partner = log.max(dim=2)
         back = log.argmax(dim=1).gather(1, partner)
         own = torch.arange(log.shape[1], device=log.device)[None]
-        mutual = (back == own).to(log.dtype) * (first.scores > 0).to(log.dtype)
+        mutual = (back == own).to(log.dtype)
         points = second.points.gather(1, partner[..., None].expand(-1, -1, 2))
         return points, best.exp() * mutual
 
@@ -92,7 +93,7 @@ class OwnFlow:
         width, height = size
         image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
         with torch.no_grad():
-            keypoints = encoder(image)
+            keypoints = encoder(image).found()
         encode = trace(encoder, (image,), _ENCODE)
         match = trace(MatchGraph(matcher).eval(), (*keypoints, *keypoints), _MATCH, _ANY_SIZE)
         graphs = {
@@ -107,16 +108,17 @@ class OwnFlow:
         taken = runner.bundle.manifest.input
         encoder, matcher = self.weights.networks((taken.width, taken.height), KEYPOINTS)
         with torch.no_grad():
-            sides = [encoder(torch.from_numpy(runner.tensor(image))) for image in pair]
+            sides = [encoder(torch.from_numpy(runner.tensor(image))).found() for image in pair]
             expected, expected_confidence = (
                 value.numpy()[0] for value in MatchGraph(matcher)(*sides[0], *sides[1])
             )
-        tensors = [[value.numpy() for value in side] for side in sides]
-        for image, (points, _, scores) in zip(pair, tensors, strict=True):
-            apart = _apart_px(points[0][scores[0] > 0], runner.encode(image)[0][0])
+        for image, side in zip(pair, sides, strict=True):
+            apart = _apart_px(side.points[0].numpy(), runner.encode(image)[0][0])
             if np.count_nonzero(apart) > (1 - _SAME_KEYPOINTS) * len(apart):
                 return apart
-        partners, confidence = (value[0] for value in runner.match(*tensors))
+        partners, confidence = (
+            value[0] for value in runner.match(*([v.numpy() for v in side] for side in sides))
+        )
         either = np.maximum(confidence, expected_confidence) > _MATCHED
         apart = np.linalg.norm(partners - expected, axis=1)[either]
         return np.append(apart, np.abs(confidence - expected_confidence).max()).astype(np.float32)

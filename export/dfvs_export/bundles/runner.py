@@ -4,7 +4,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_models.bundle import Bundle
-from dfvs_models.encode_match import FREE_AXES
+from dfvs_models.encode_match import FREE_AXES, found_keypoints
 from dfvs_models.onnx_session import Execution, OnnxGraph
 from dfvs_models.pair import image_tensor, pair_tensors
 
@@ -47,7 +47,7 @@ class BundleRunner:
             return inputs
         if manifest.kind == "mono":
             return inputs[: len(manifest.graphs["mono"].inputs)]
-        return self._graphs["encode"].run([tensor])
+        return found_keypoints(self._graphs["encode"].run([tensor]))
 
     def match(self, first: list[Float32Array], second: list[Float32Array]) -> list[Float32Array]:
         """Outputs of the last graph, from what ``encode`` gave of two images.

@@ -16,7 +16,6 @@ from dfvs_export.networks.xfeat import Keypoints
 LAYERS = 6
 _WIDTH, _INPUTS = 96, 64
 """Channels of its features, and of the descriptors that go in."""
-_MASKED = -1e4
 _LEAST_WEIGHT_LOG = -80.0
 """Logarithm of the least weight in attention over the largest. Smaller ones would change no sum in
 float32, and could be subnormal numbers, with which processors are slow."""
@@ -52,25 +51,23 @@ class LighterGlue(nn.Module):
 
     def forward(self, first: Keypoints, second: Keypoints) -> Assignment:
         """Assignment after the last layer."""
-        return self.assign(first, second, self.attend(first, second))
+        return self.assign(self.attend(first, second), first.points.shape[1])
 
     def attend(self, first: Keypoints, second: Keypoints) -> Tensor:
         """Features (B, N + M, C) after the last layer of attention."""
         x = self.input_proj(torch.cat([first.descriptors, second.descriptors], dim=1))
         angle = self.frequencies(self._normalised(torch.cat([first.points, second.points], dim=1)))
         position = angle.cos().repeat(1, 1, 2), angle.sin().repeat(1, 1, 2)
-        masked = _masked(first), _masked(second)
+        count = first.points.shape[1]
         for layer in self.layers:
-            x = layer(x, position, masked)
+            x = layer(x, position, count)
         return cast(Tensor, x)
 
-    def assign(self, first: Keypoints, second: Keypoints, x: Tensor) -> Assignment:
-        """Assignment by the features of :meth:`attend`."""
-        no_first, no_second = _masked(first), _masked(second)
-        similar = _similarity(*_sides(self.final_proj(x), no_first))
-        of_first, of_second = _sides(self.matchability(x), no_first)
-        log = functional.log_softmax(similar + no_second, dim=-1)
-        log = log + functional.log_softmax(similar + no_first.transpose(-1, -2), dim=-2)
+    def assign(self, x: Tensor, count: int) -> Assignment:
+        """Assignment by the features of :meth:`attend`, of which ``count`` are the first's."""
+        similar = _similarity(*_sides(self.final_proj(x), count))
+        of_first, of_second = _sides(self.matchability(x), count)
+        log = functional.log_softmax(similar, dim=-1) + functional.log_softmax(similar, dim=-2)
         log = log + functional.logsigmoid(of_first)
         log = log + functional.logsigmoid(of_second).transpose(-1, -2)
         return Assignment(log, of_first.squeeze(-1), of_second.squeeze(-1))
@@ -81,14 +78,8 @@ class LighterGlue(nn.Module):
         return (points - middle) / (max(self.size) / 2)
 
 
-def _masked(keypoints: Keypoints) -> Tensor:
-    """Logits (B, 1, N) by which no point of score 0 is attended to."""
-    return ((keypoints.scores <= 0).to(keypoints.scores.dtype) * _MASKED)[:, None]
-
-
-def _sides(x: Tensor, no_first: Tensor) -> tuple[Tensor, Tensor]:
-    """What is the first image's (B, N, C) and what the second's (B, M, C)."""
-    count = no_first.shape[-1]
+def _sides(x: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """What is the first image's (B, N, C), of ``count`` points, and what the second's."""
     return x[:, :count], x[:, count:]
 
 
@@ -133,9 +124,7 @@ class _SelfAttention(_Attention):
         super().__init__()
         self.to_qk = nn.Linear(_WIDTH, 2 * _WIDTH)
 
-    def forward(
-        self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]
-    ) -> Tensor:
+    def forward(self, x: Tensor, position: tuple[Tensor, Tensor], count: int) -> Tensor:
         one, other = self.to_qk(x).chunk(2, dim=-1)
         cosine, sine = position
         turned = one * cosine - other * sine, other * cosine + one * sine
@@ -143,12 +132,12 @@ class _SelfAttention(_Attention):
             torch.cat(parts, dim=-1)
             for parts in zip(*(t.chunk(2, dim=-1) for t in turned), strict=True)
         )
-        sides = (_sides(every, masked[0]) for every in (q, k, x))
+        sides = (_sides(every, count) for every in (q, k, x))
         return self.updated(
             x,
             *(
-                attended(_similarity(queries, keys) + no, points)
-                for queries, keys, points, no in zip(*sides, masked, strict=True)
+                attended(_similarity(queries, keys), points)
+                for queries, keys, points in zip(*sides, strict=True)
             ),
         )
 
@@ -160,14 +149,11 @@ class _CrossAttention(_Attention):
         super().__init__()
         self.to_qk = nn.Linear(_WIDTH, _WIDTH)
 
-    def forward(self, x: Tensor, masked: tuple[Tensor, Tensor]) -> Tensor:
-        no_first, no_second = masked
-        first, second = _sides(x, no_first)
-        similar = _similarity(*_sides(self.to_qk(x), no_first))
+    def forward(self, x: Tensor, count: int) -> Tensor:
+        first, second = _sides(x, count)
+        similar = _similarity(*_sides(self.to_qk(x), count))
         return self.updated(
-            x,
-            attended(similar + no_second, second),
-            attended(similar.transpose(-1, -2) + no_first, first),
+            x, attended(similar, second), attended(similar.transpose(-1, -2), first)
         )
 
 
@@ -177,8 +163,6 @@ class _Layer(nn.Module):
         self.self_attn = _SelfAttention()
         self.cross_attn = _CrossAttention()
 
-    def forward(
-        self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]
-    ) -> Tensor:
-        result: Tensor = self.cross_attn(self.self_attn(x, position, masked), masked)
+    def forward(self, x: Tensor, position: tuple[Tensor, Tensor], count: int) -> Tensor:
+        result: Tensor = self.cross_attn(self.self_attn(x, position, count), count)
         return result

@@ -17,11 +17,23 @@ _LEAST_VARIANCE = 1e-5
 
 
 class Keypoints(NamedTuple):
+    """Keypoints (B, N, 2) px and their descriptors (B, N, 64)."""
+
+    points: Tensor
+    descriptors: Tensor
+
+
+class ScoredKeypoints(NamedTuple):
     """Keypoints (B, N, 2) px, their descriptors (B, N, 64) and scores (B, N); 0 is no keypoint."""
 
     points: Tensor
     descriptors: Tensor
     scores: Tensor
+
+    def found(self) -> Keypoints:
+        """What is a keypoint of a single image (B = 1)."""
+        is_found = self.scores[0] > 0
+        return Keypoints(self.points[:, is_found], self.descriptors[:, is_found])
 
 
 def _layer(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -62,7 +74,7 @@ class XFeat(nn.Module):
             _layer(64, 64, 1), _layer(64, 64, 1), _layer(64, 64, 1), nn.Conv2d(64, 65, 1)
         )
 
-    def forward(self, image: Tensor) -> Keypoints:
+    def forward(self, image: Tensor) -> ScoredKeypoints:
         """Keypoints of images (B, 1, H, W); H and W are multiples of 32."""
         inside = (image >= 0).to(image.dtype)
         x = _normalised(image, inside)
@@ -76,7 +88,7 @@ class XFeat(nn.Module):
         logits = self.keypoint_head(functional.pixel_unshuffle(x, CELL_PX))
         return self._select(features, logits, inside)
 
-    def _select(self, features: Tensor, logits: Tensor, inside: Tensor) -> Keypoints:
+    def _select(self, features: Tensor, logits: Tensor, inside: Tensor) -> ScoredKeypoints:
         """Keypoints of the highest scores, with descriptors sampled at them."""
         height, width = inside.shape[2:]
         likely = functional.pixel_shuffle(functional.softmax(logits, 1)[:, :64], CELL_PX)
@@ -97,7 +109,7 @@ class XFeat(nn.Module):
             align_corners=False,
         )
         descriptors = functional.normalize(sampled[:, :, 0].transpose(1, 2), dim=-1)
-        return Keypoints(points, descriptors, scores)
+        return ScoredKeypoints(points, descriptors, scores)
 
 
 def _normalised(image: Tensor, inside: Tensor) -> Tensor:

@@ -85,6 +85,8 @@ class _Run:
             return self._kept[self._rng.integers(len(self._kept))]
         pair = self._reader.draw()
         first, second = (self._keypoints(view.image) for view in (pair.first, pair.second))
+        if not (first.points.numel() and second.points.numel()):
+            return self._draw()
         truth = true_matches(pair, *(k.points[0].numpy() for k in (first, second)))
         encoded = EncodedPair(first, second, truth)
         if keep and len(self._kept) < _MOST_KEPT:
@@ -103,7 +105,7 @@ class _Run:
         truth = pair.truth
         with torch.autocast("cpu", torch.bfloat16):
             features = self._matcher.attend(pair.first, pair.second)
-        found = self._matcher.assign(pair.first, pair.second, features.float())
+        found = self._matcher.assign(features.float(), pair.first.points.shape[1])
         losses = []
         if len(truth.first) >= _LEAST_MATCHES:
             losses.append(-found.log_probability[0, truth.first, truth.second].mean())
@@ -139,5 +141,5 @@ class _Run:
 
     def _keypoints(self, image: Any) -> Keypoints:
         with torch.set_grad_enabled(self._settings.encoder_blocks > 0):
-            found: Keypoints = self._encoder(torch.from_numpy(image)[None, None])
+            found: Keypoints = self._encoder(torch.from_numpy(image)[None, None]).found()
         return found
