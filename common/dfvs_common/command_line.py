@@ -117,6 +117,10 @@ def require_page(option: str, path: Path | None) -> None:
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
-    """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes."""
+    """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes.
+
+    Every ``run`` gives an exit code, and raises a ``DfvsError`` where an option, a file that it
+    names, or what is asked for cannot be used.
+    """
     args = parser.parse_args(argv)
     return lifecycle.run_command(lambda: int(args.run(args)))

@@ -75,18 +75,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly what is to be flown, print the table and write the files.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 1 where a flight could not be brought up.
-
-    Raises
-    ------
-    DfvsError
-        If an option, a task or a scene cannot be used.
-    """
+    """Fly what is to be flown, print the table and write; 1 where one could not be brought up."""
     _check(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = [levelled_task(task) for task in tasks_from(args)]

@@ -85,13 +85,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly, print a line a flight and the summary; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option, the scene or the matcher cannot be used.
-    """
+    """Fly, print a line a flight and the summary; exit code 0."""
     _check_outputs(args)
     jobs = _jobs(args)
     flights: list[SimulatedFlight] = []

@@ -54,13 +54,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the page; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If there are no trials of these tasks, or the output cannot be written.
-    """
+    """Write the page; exit code 0."""
     if args.out.suffix.lower() != ".html":
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html")
     require_file("--out", args.out)

@@ -48,13 +48,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """List or make the scenes; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an output cannot be written or no task fits into a room.
-    """
+    """List or make the scenes; exit code 0."""
     require_file("--sheet", args.sheet)
     if args.sheet is not None and args.sheet.suffix.lower() != ".png":
         raise ConfigError(f"--sheet is {str(args.sheet)!r}", "a name that ends in .png")

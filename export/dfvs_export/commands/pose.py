@@ -11,13 +11,7 @@ from dfvs_models.pose import PoseNetwork
 
 
 def run_pose(arguments: argparse.Namespace) -> int:
-    """Make a bundle of a trained network; 1 where ONNX Runtime does not give what torch gives.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If the weights or the folder cannot be used.
-    """
+    """Make a bundle of a trained network; 1 where ONNX Runtime does not give what torch gives."""
     check_free(arguments.out)
     model = PoseModel.load(arguments.checkpoint)
     log(f"tracing {model.weights.name}")

@@ -36,34 +36,22 @@ class ProgressLine:
 
 @dataclass(frozen=True, slots=True)
 class FuzzCommand(Generic[T, E]):
-    """A subcommand of ``dfvs-robustness fuzz``.
-
-    Parameters
-    ----------
-    name, help, description : str
-        ``name`` begins the names of the files of findings, too.
-    example : str
-        Arguments that replay a file.
-    target : Target
-    files : ReplayFormat
-        Of the findings.
-    items : str
-        Attribute of an episode with what it consists of.
-    figures : callable
-        Counts of a tally that only this target has, as JSON holds them.
-    text : callable
-        Lines for people from the report.
-    """
+    """A subcommand of ``dfvs-robustness fuzz``."""
 
     name: str
     help: str
     description: str
     example: str
+    """Arguments that replay a file."""
     target: Target[T, E]
     files: ReplayFormat[E]
+    """Of the findings."""
     items: str
+    """Attribute of an episode with what it consists of."""
     figures: Callable[[T], dict[str, Any]]
+    """Counts of a tally that only this target has, as JSON holds them."""
     text: Callable[[dict[str, Any]], str]
+    """Lines for people from the report."""
 
     def add_parser(self, subparsers: Any) -> None:
         """Add the subcommand."""
@@ -89,13 +77,7 @@ class FuzzCommand(Generic[T, E]):
         parser.set_defaults(run=self.run)
 
     def run(self, args: argparse.Namespace) -> int:
-        """Fuzz or replay; 0 without a violation, 1 with one.
-
-        Raises
-        ------
-        DfvsError
-            If an option cannot be used.
-        """
+        """Fuzz or replay; 0 without a violation, 1 with one."""
         if args.replay is not None:
             violation = self.target.replay(self.files.read(args.replay))
             print("no violation" if violation is None else f"violated: {violation}")

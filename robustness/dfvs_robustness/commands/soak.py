@@ -54,13 +54,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly and judge; 0 if nothing grows, else 1.
-
-    Raises
-    ------
-    DfvsError
-        If an option cannot be used, or nothing was flown.
-    """
+    """Fly and judge; 0 if nothing grows, else 1."""
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
     require_file("--json", args.json)

@@ -74,17 +74,9 @@ def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
 
 
 def run_matrix(cases: Sequence[Case], workers: int, until: float, on_result: OnResult) -> None:
-    """Run cases in processes of their own until all are done or the time is up.
+    """Run cases in processes of their own until all are done, or no more begins at ``until`` (s).
 
     Those that disturb others come last, one at a time.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-    workers : int
-    until : float
-        Monotonic time in s at which no further case is begun.
-    on_result : callable
     """
     faults = all_faults()
     alone = [case for case in cases if faults[case.fault].alone]

@@ -12,15 +12,7 @@ E = TypeVar("E")
 
 
 class InvariantError(Exception):
-    """An invariant does not hold.
-
-    Parameters
-    ----------
-    rule : str
-        Its name, such as I1.
-    text : str
-        What was seen instead.
-    """
+    """An invariant, named by its rule (such as I1), does not hold; the text says what was seen."""
 
     def __init__(self, rule: str, text: str) -> None:
         self.rule = rule
@@ -39,21 +31,14 @@ class Finding(Generic[E]):
 
 @dataclass(frozen=True, slots=True)
 class ReplayFormat(Generic[E]):
-    """Files of findings, from which their episodes are replayed.
-
-    Parameters
-    ----------
-    name : str
-        Name of the format, in every file.
-    dump : callable
-        Takes an episode to what JSON can hold.
-    build : callable
-        Makes an episode of that again.
-    """
+    """Files of findings, from which their episodes are replayed."""
 
     name: str
+    """Name of the format, in every file."""
     dump: Callable[[E], dict[str, Any]]
+    """Takes an episode to what JSON can hold."""
     build: Callable[[dict[str, Any]], E]
+    """Makes an episode of that again."""
 
     def write(self, finding: Finding[E], path: Path) -> None:
         """Write a finding; NaN and infinity are kept, as Python's JSON knows them.

@@ -42,24 +42,16 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Target(Generic[T, E]):
-    """What is fuzzed; its functions are found by name in every process.
-
-    Parameters
-    ----------
-    tally : callable
-        Gives an empty tally.
-    run_episode : callable
-        Runs the episode of (seed, number), counts it in the tally, and returns what it found.
-    replay : callable
-        Runs an episode again; returns the first violation.
-    shorten : callable
-        Makes an episode as short as possible that still fails.
-    """
+    """What is fuzzed; its functions are found by name in every process."""
 
     tally: Callable[[], T]
+    """Gives an empty tally."""
     run_episode: Callable[[tuple[int, int], T], Finding[E] | None]
+    """Runs the episode of (seed, number), counts it in the tally, and returns what it found."""
     replay: Callable[[E], InvariantError | None]
+    """Runs an episode again; returns the first violation."""
     shorten: Callable[[E, Callable[[E], bool]], E]
+    """Makes an episode as short as possible that still fails."""
 
     def shrink(self, finding: Finding[E]) -> Finding[E]:
         """Return a finding as short as possible that violates the same invariant."""
@@ -104,22 +96,9 @@ def run_episodes(
     seed: int,
     on_progress: Callable[[Outcome[T, E]], None],
 ) -> Outcome[T, E]:
-    """Run episodes until they hold so many events.
+    """Run episodes until they hold so many events; ``on_progress`` is told what was found so far.
 
     The episodes are numbered, and episode n of a seed is always the same, whatever the workers.
-
-    Parameters
-    ----------
-    target : Target
-        What is fuzzed.
-    events : int
-        Least number of events.
-    workers : int
-        Processes.
-    seed : int
-        Of all episodes.
-    on_progress : callable
-        Called with what was found so far.
     """
     total: Outcome[T, E] = Outcome(target.tally())
     with _outcomes(target, workers, seed) as outcomes:

@@ -57,14 +57,8 @@ class MissionOptions:
 class Mission(Flight):
     """A flight that goes on from goal to goal, by signed commands, until the time is over.
 
-    Parameters
-    ----------
-    plan : FlightPlan
-        Start and goal: the mission goes to and fro between places near these two.
-    mission : MissionOptions
-        Its folder exists; it takes goals, logs and records.
-    log : callable
-        Takes one line for the user at every step.
+    It goes to and fro between places near the plan's start and goal. The folder, which exists,
+    takes goals, logs and records; ``log`` takes one line for the user at every step.
     """
 
     def __init__(self, plan: FlightPlan, mission: MissionOptions, log: Log) -> None:

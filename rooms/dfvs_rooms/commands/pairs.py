@@ -66,13 +66,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw and write the pairs; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option or a scene cannot be used.
-    """
+    """Draw and write the pairs; exit code 0."""
     if not 1 <= args.count <= _MAX_PAIRS:
         raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
     if args.seed < 0:
@@ -107,13 +101,7 @@ def _scenes(args: argparse.Namespace) -> _Scenes:
 
 
 def _kinds(words: str | None) -> tuple[str, ...]:
-    """Kinds of rooms of ``A,B``; none where nothing is said.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such kind.
-    """
+    """Kinds of rooms of ``A,B``; none where nothing is said."""
     if words is None:
         return ()
     kinds = ROOM_KINDS if words == "all" else tuple(words.split(","))
@@ -134,13 +122,7 @@ def _lit_room(seed: int, kinds: tuple[str, ...]) -> Scene:
 
 
 def _seeds(words: str) -> range:
-    """Seeds A to B of ``A-B``, or the one of ``A``.
-
-    Raises
-    ------
-    ConfigError
-        If it is neither, or takes in a seed that is kept for the benchmark.
-    """
+    """Seeds A to B of ``A-B``, or the one of ``A``."""
     match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
     if last < first:

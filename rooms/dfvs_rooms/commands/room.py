@@ -65,13 +65,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the room; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option cannot be used or Mitsuba is not installed.
-    """
+    """Make the room; exit code 0."""
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
     for option, path, ending in (("--out", args.out, ".glb"), ("--preview", args.preview, ".png")):

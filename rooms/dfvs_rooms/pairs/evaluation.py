@@ -43,24 +43,16 @@ _LEAST_OVERLAP = 0.35
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewPair:
-    """Two views of one scene by ``EVALUATION_CAMERA``.
-
-    Parameters
-    ----------
-    poses : tuple of (4, 4)
-        ``T_world_a`` and ``T_world_b``, NED.
-    views : tuple of View
-        Image and depth of each.
-    flow : (H, W, 2) float32
-        px, a to b; NaN where it means nothing.
-    visible : (H, W) bool
-        Where a shows what b sees as well.
-    """
+    """Two views of one scene by ``EVALUATION_CAMERA``."""
 
     poses: tuple[FloatArray, FloatArray]
+    """``T_world_a`` and ``T_world_b``, NED."""
     views: tuple[View, View]
+    """Image and depth of each."""
     flow: Float32Array
+    """(H, W, 2) float32: px, a to b; NaN where it means nothing."""
     visible: BoolArray
+    """(H, W) bool: Where a shows what b sees as well."""
 
 
 class PairSampler:

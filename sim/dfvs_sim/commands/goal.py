@@ -62,13 +62,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Render and write; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If the pose, the scene or the output cannot be used.
-    """
+    """Render and write; exit code 0."""
     if args.out.suffix.lower() != ".png":
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png")
     T_world_camera = _pose(args)

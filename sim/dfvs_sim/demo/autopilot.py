@@ -21,13 +21,7 @@ def add_autopilot_options(parser: Any) -> None:
 
 
 def check_autopilot(args: argparse.Namespace) -> None:
-    """Check these options, and those that only the simulated vehicle has.
-
-    Raises
-    ------
-    ConfigError
-        If they do not go together.
-    """
+    """Refuse these options, and those that only the simulated vehicle has, if they do not agree."""
     if args.system_id is not None:
         require_range(args, 1, 250, "system_id")
     if args.ground is not None and args.autopilot is None:

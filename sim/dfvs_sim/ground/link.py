@@ -44,12 +44,8 @@ class _Received(NamedTuple):
 class GroundLink:
     """MAVLink to one vehicle over UDP, as a ground station.
 
-    Parameters
-    ----------
-    url : str
-        ``udpin://HOST:PORT`` to be found by the vehicle, ``udpout://HOST:PORT`` to find it.
-    system_id : int or None
-        MAVLink system id of the vehicle; None takes the only one on the link.
+    ``udpin://HOST:PORT`` is found by the vehicle, ``udpout://HOST:PORT`` finds it. ``system_id`` is
+    that of the vehicle; None takes the only one on the link.
     """
 
     def __init__(self, url: str = DEFAULT_URL, system_id: int | None = None) -> None:

@@ -52,13 +52,7 @@ class _Trial:
 
 
 def run_episode(seed: tuple[int, int], tally: CommandTally) -> Finding[CommandEpisode] | None:
-    """Run one episode; the same seed gives the same episode.
-
-    Returns
-    -------
-    Finding or None
-        The episode up to the command that violated an invariant.
-    """
+    """Run an episode; it is given up to the command that violated an invariant, if one did."""
     rng = RandomSource(np.random.default_rng(seed))
     episode = CommandEpisode(rng.integer(0, 2**50))
     sender, trial = Sender(rng, episode.born_ns), _Trial(episode.born_ns)
