@@ -19,7 +19,7 @@ from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
-from dfvs_sim.dynamics.estimate_errors import ERRORS, ErrorProcess, EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateGrade, errors_of
 
 _PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
 _REFUSALS = 5
@@ -81,7 +81,7 @@ class Odometry:
     """What a vehicle's estimate says of the free camera's motion, with errors of a grade."""
 
     def __init__(self, grade: EstimateGrade) -> None:
-        self._errors = ErrorProcess(ERRORS[grade], np.random.default_rng(_ERROR_SEED))
+        self._errors = ErrorProcess(errors_of(grade), np.random.default_rng(_ERROR_SEED))
         self._last_position_m: FloatArray | None = None
 
     @property
