@@ -103,6 +103,12 @@ def require_replaceable(option: str, path: Path) -> None:
         raise ConfigError(f"{option} {path} cannot be written", "a folder that is writable")
 
 
+def require_ending(option: str, path: Path | None, ending: str) -> None:
+    """Refuse a file to write whose name ends otherwise; None is no file."""
+    if path is not None and path.suffix.lower() != ending:
+        raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
+
+
 def require_page(option: str, path: Path | None) -> None:
     """Refuse a page to write that :func:`require_file` refuses, or that browsers do not open.
 

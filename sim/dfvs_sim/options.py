@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,21 @@ def parse_numbers(
         expected = expected or f"{count} numbers separated by commas"
         raise ConfigError(f"{option} is {text!r}", expected, remedy)
     return values
+
+
+def parse_seeds(text: str, option: str, expected: str) -> range:
+    """Seeds A to B of ``A-B``, or the one of ``A``.
+
+    Raises
+    ------
+    ConfigError
+        If the text is neither.
+    """
+    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", text)
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+    if last < first:
+        raise ConfigError(f"{option} is {text!r}", expected)
+    return range(first, last + 1)
 
 
 def parse_camera_pose(text: str, option: str) -> FloatArray:

@@ -28,6 +28,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
 from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json
@@ -121,21 +122,18 @@ def _setting(args: argparse.Namespace) -> Setting:
     if args.config is not None:
         service = ("--config", str(args.config.absolute()), *service)
     settings = settings_in_force(service)
-    return Setting(
-        matcher=args.bundle,
-        service=service,
-        limits=velocity_limits(settings),
-        seed=args.seed,
+    options = FlightOptions(
         timeout_s=args.timeout,
         ready_s=args.ready,
-        revision=git_revision(),
-        config=args.config,
-        network=depth_network(settings),
-        conditions=conditions_from(args),
+        system_id=args.system_id,
         autopilot=args.autopilot,
         ground=args.ground,
-        system_id=args.system_id,
+        conditions=conditions_from(args),
+        service=("--set", f"flow.model={args.bundle}", *service),
     )
+    limits, network = velocity_limits(settings), depth_network(settings)
+    own = (args.bundle, service, limits, args.seed, git_revision())
+    return Setting(*own, options, args.config, network)
 
 
 def _kept(folder: Path, tasks: Sequence[BenchTask], setting: Setting) -> dict[str, FlightRecord]:

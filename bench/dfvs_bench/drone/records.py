@@ -1,6 +1,6 @@
 """Flights on disk: one JSON file each, so that a broken run can be taken up again."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,7 +10,6 @@ from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_common.progress import log
 from dfvs_core.gate.limits import VelocityLimits
-from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.results.summary import NOT_READY
 
@@ -27,38 +26,13 @@ class Setting:
     """In force with these words."""
     seed: int
     """Noise of camera and vehicle."""
-    timeout_s: float
-    ready_s: float
-    """How long the service may take to be ready; ``timeout_s`` is of a flight."""
     revision: str
+    options: FlightOptions
+    """Of each flight; they have all words for ``dfvs-service``, the matcher's too."""
     config: Path | None = None
     """Settings file of the service, which ``service`` names too."""
     network: str | None = None
     """Bundle of the depth network that these words ask for."""
-    conditions: Conditions = field(default_factory=Conditions)
-    """State estimate and wind of the simulated vehicle."""
-    autopilot: str | None = None
-    ground: str | None = None
-    system_id: int | None = None
-    """As autopilot and ground: of another vehicle, see ``FlightOptions``."""
-
-    @property
-    def options(self) -> FlightOptions:
-        """Options of each flight."""
-        return FlightOptions(
-            timeout_s=self.timeout_s,
-            ready_s=self.ready_s,
-            system_id=self.system_id,
-            autopilot=self.autopilot,
-            ground=self.ground,
-            conditions=self.conditions,
-            service=self.words,
-        )
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """All words for ``dfvs-service``."""
-        return ("--set", f"flow.model={self.matcher}", *self.service)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,11 +152,12 @@ def read_record(path: Path) -> FlightRecord:
 
 def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
     """Tell whether a record is of this very task, with these settings and this program."""
+    options = setting.options
     same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
-    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
+    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, options.timeout_s)
     return (
         (record.autopilot, record.estimate, record.wind)
-        == (setting.autopilot, setting.options.estimate, setting.options.wind)
+        == (options.autopilot, options.estimate, options.wind)
         and same_poses((record.start, record.goal), task.poses)
         and same == wanted
         and record.version == version("dfvs")
