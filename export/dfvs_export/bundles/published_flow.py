@@ -66,10 +66,7 @@ class PublishedFlow:
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px.
 
-        Raises
-        ------
-        ModelError
-            If torch cannot trace the network.
+        Raises ModelError if torch cannot trace the network.
         """
         width, height = size
         g = torch.Generator().manual_seed(0)

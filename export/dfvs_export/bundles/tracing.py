@@ -50,10 +50,7 @@ def trace_published(
 ) -> bytes:
     """Trace a network that may use operators that ONNX lacks.
 
-    Raises
-    ------
-    ModelError
-        If torch cannot export the network ``name``.
+    Raises ModelError if torch cannot export the network ``name``.
     """
     try:
         return trace(graph, inputs, names)

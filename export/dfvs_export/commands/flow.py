@@ -49,10 +49,7 @@ def run_flow(arguments: argparse.Namespace) -> int:
 def named_matching_network(arguments: argparse.Namespace) -> OwnFlow | PublishedFlow:
     """Load the network that ``--model`` and the weights name.
 
-    Raises
-    ------
-    ConfigError, ModelError
-        If there is no such network, or its weights cannot be used.
+    Raises ConfigError or ModelError if there is no such network, or its weights cannot be used.
     """
     checkpoint, weights, digest = arguments.checkpoint, arguments.weights, arguments.sha256
     if arguments.model == NAME:

@@ -43,10 +43,7 @@ class ReplayFormat(Generic[E]):
     def write(self, finding: Finding[E], path: Path) -> None:
         """Write a finding; NaN and infinity are kept, as Python's JSON knows them.
 
-        Raises
-        ------
-        ConfigError
-            If the file cannot be written.
+        Raises ConfigError if the file cannot be written.
         """
         head = {"format": self.name, "rule": finding.rule, "text": finding.text}
         text = json.dumps(head | self.dump(finding.episode), indent=1) + "\n"
@@ -58,13 +55,7 @@ class ReplayFormat(Generic[E]):
             ) from error
 
     def read(self, path: Path) -> E:
-        """Episode of a finding.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be read or is not of this format.
-        """
+        """Episode of a finding; ConfigError if the file cannot be read or is not of this format."""
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
             if document["format"] != self.name:
