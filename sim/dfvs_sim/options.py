@@ -14,6 +14,9 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
 
 
@@ -22,6 +25,11 @@ def add_scene_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", type=Path, metavar="FILE.glb", help="scene to see (default: the built-in room)"
     )
+
+
+def renderer_from(args: argparse.Namespace) -> Renderer:
+    """Renderer of ``--scene``."""
+    return Renderer(load_glb(args.scene or builtin_room_path()))
 
 
 def add_camera_options(

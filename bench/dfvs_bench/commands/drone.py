@@ -26,9 +26,13 @@ from dfvs_bench.trials.task import BenchTask
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
-from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.demo.options import FlightOptions
+from dfvs_sim.demo.options import (
+    FlightOptions,
+    add_autopilot_options,
+    add_condition_options,
+    check_autopilot,
+    conditions_from,
+)
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json

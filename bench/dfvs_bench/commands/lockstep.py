@@ -22,7 +22,7 @@ from dfvs_core.messages.schema import dump
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.options import add_condition_options, conditions_from
 from dfvs_sim.options import add_scene_option, parse_seeds, write_json
 from dfvs_sim.scene import builtin_room_path
 

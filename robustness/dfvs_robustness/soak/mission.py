@@ -14,11 +14,10 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
-from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightSession, Log, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
-from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
+from dfvs_sim.demo.options import USUAL_ESTIMATE, VEHICLE_NAME, Conditions, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import camera_pose

@@ -17,10 +17,8 @@ from dfvs_sim.options import (
     camera_from,
     parse_camera_pose,
     parse_numbers,
+    renderer_from,
 )
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import look_at
 
 _DESCRIPTION = """Render a goal image and write it with its sidecar (goal.png, goal.json).
@@ -67,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     require_ending("--out", args.out, ".png")
     T_world_camera = _pose(args)
     camera = camera_from(args)
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    renderer = renderer_from(args)
     view = renderer.render(camera, T_world_camera, antialias=args.antialias)
     if not (view.depth_m > 0).any():
         raise ConfigError("the camera sees nothing of the scene", "a pose inside the scene")

@@ -1,13 +1,38 @@
-"""Options of one demo flight."""
+"""Options of a demo flight: how to fly, what it meets, and another autopilot."""
 
+import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from dfvs_sim.demo.conditions import Conditions
+from dfvs_core.errors import ConfigError
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.options import grade_names, parse_estimate, parse_wind, require_range
 
 VEHICLE_NAME = "demo"
 FIRST_SYSTEM_ID = 1
 """Of the simulated vehicle, as of a PX4 SITL."""
+USUAL_ESTIMATE = EstimateGrade.MEDIUM.value
+"""As of a drone between optical flow and satellites alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Grade of the state estimate and wind, as ``dfvs-sim vehicle`` takes them.
+
+    Raises ConfigError if there is no such grade or wind.
+    """
+
+    estimate: str = EstimateGrade.PERFECT.value
+    wind: str = "calm"
+
+    def __post_init__(self) -> None:
+        parse_estimate(self.estimate)
+        parse_wind(self.wind)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Words for ``dfvs-sim vehicle``."""
+        return f"--estimate={self.estimate}", f"--wind={self.wind}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,3 +80,54 @@ class FlightOptions:
     def wind(self) -> str | None:
         """Wind, likewise."""
         return self.conditions.wind if self.is_simulated else None
+
+
+def add_condition_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--estimate`` and ``--wind``."""
+    grades = grade_names(EstimateGrade)
+    parser.add_argument(
+        "--estimate",
+        metavar="GRADE",
+        help=f"errors of the simulated state estimate: {grades} (default: {USUAL_ESTIMATE})",
+    )
+    parser.add_argument(
+        "--wind",
+        metavar="GRADE|N,E",
+        help="wind on the simulated vehicle, as dfvs-sim vehicle takes it (default: calm)",
+    )
+
+
+def conditions_from(args: argparse.Namespace) -> Conditions:
+    """Conditions of ``--estimate`` and ``--wind``.
+
+    Raises ConfigError if there is no such grade or wind.
+    """
+    return Conditions(args.estimate or USUAL_ESTIMATE, args.wind or Conditions().wind)
+
+
+def add_autopilot_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--autopilot``, ``--ground`` and ``--system-id``."""
+    add = parser.add_argument
+    add("--autopilot", metavar="URL", help="MAVLink of a running simulated PX4; it is armed")
+    add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
+    add(
+        "--system-id",
+        type=int,
+        metavar="N",
+        help="MAVLink system id (default: 1, or that of the vehicle on --autopilot's link)",
+    )
+
+
+def check_autopilot(args: argparse.Namespace) -> None:
+    """Refuse these options, and those that only the simulated vehicle has, if they do not agree."""
+    if args.system_id is not None:
+        require_range(args, 1, 250, "system_id")
+    if args.ground is not None and args.autopilot is None:
+        raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
+    for name in ("autopilot", "ground"):
+        url = getattr(args, name)
+        if url is not None and "://" not in url:
+            raise ConfigError(f"--{name} is {url!r}", "a MAVLink URL such as udpin://HOST:PORT")
+    for name in ("estimate", "wind"):
+        if args.autopilot is not None and getattr(args, name) is not None:
+            raise ConfigError(f"--{name} beside --autopilot", "only one of them")

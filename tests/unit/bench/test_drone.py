@@ -28,9 +28,8 @@ from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
-from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.flight.track import TrackPoint
-from dfvs_sim.demo.options import FlightOptions
+from dfvs_sim.demo.options import Conditions, FlightOptions
 from dfvs_sim.options import write_json
 from dfvs_sim.viewpoints.poses import camera_pose
 
