@@ -10,7 +10,6 @@ from typing import Any, Generic, TypeVar
 from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_robustness.fuzz.finding import ReplayFormat
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
 from dfvs_sim.options import require_range, write_json
 
@@ -44,8 +43,6 @@ class FuzzCommand(Generic[T, E]):
     example: str
     """Arguments that replay a file."""
     target: Target[T, E]
-    files: ReplayFormat[E]
-    """Of the findings."""
     items: str
     """Attribute of an episode with what it consists of."""
     figures: Callable[[T], dict[str, Any]]
@@ -79,7 +76,7 @@ class FuzzCommand(Generic[T, E]):
     def run(self, args: argparse.Namespace) -> int:
         """Fuzz or replay; 0 without a violation, 1 with one."""
         if args.replay is not None:
-            violation = self.target.replay(self.files.read(args.replay))
+            violation = self.target.replay(self.target.read(args.replay))
             print("no violation" if violation is None else f"violated: {violation}")
             return 0 if violation is None else 1
         require_range(args, 1, None, "events", "workers")
@@ -98,7 +95,7 @@ class FuzzCommand(Generic[T, E]):
         report = self._report(outcome, args.seed, time.monotonic() - began_s)
         for number, finding in enumerate(outcome.findings):
             path = args.out / f"{self.name}-{finding.rule}-{number}.json"
-            self.files.write(finding, path)
+            self.target.write(finding, path)
             print(f"{finding.rule} violated: {finding.text}")
             print(f"  {self._length(finding.episode)} {self.items}: {path}")
         print(f"{self.text(report)}\n{len(outcome.findings)} violations")

@@ -10,7 +10,7 @@ import numpy as np
 from dfvs_robustness.fuzz.commands.ingress import CommandEpisode, Ingress, Passed, Sending
 from dfvs_robustness.fuzz.commands.invariants import CommandChecker
 from dfvs_robustness.fuzz.commands.sendings import Sender
-from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.random_source import RandomSource
 from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
 
@@ -115,5 +115,5 @@ def _episode(document: dict[str, Any]) -> CommandEpisode:
     return CommandEpisode(int(document["born_ns"]), sendings)
 
 
-COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten)
-REPLAY = ReplayFormat("dfvs-command-replay/1", _dump, _episode)
+_FILES = ("dfvs-command-replay/1", _dump, _episode)
+COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten, *_FILES)

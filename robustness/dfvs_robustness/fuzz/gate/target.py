@@ -12,7 +12,7 @@ from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.replay import EVENT_KINDS
 from dfvs_core.messages.schema import dump, rebuild, with_present_names
-from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.gate.episode import Episode, Step, begin_episode
 from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
 from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
@@ -149,5 +149,5 @@ def _episode(document: dict[str, Any]) -> Episode:
     return Episode(config, int(document["born_ns"]), steps)
 
 
-GATE = Target(GateTally, run_episode, replay_episode, shorten)
-REPLAY = ReplayFormat("dfvs-gate-replay/1", _dump, _episode)
+_FILES = ("dfvs-gate-replay/1", _dump, _episode)
+GATE = Target(GateTally, run_episode, replay_episode, shorten, *_FILES)
