@@ -11,7 +11,7 @@ from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
 
 
-def run_bench(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Measure bundles side by side."""
     require_file("--json", arguments.json)
     plan = BenchPlan(network_size(arguments.size), arguments.threads, arguments.runs)

@@ -30,7 +30,7 @@ _NOT_FLOW = {"mono": (DepthNetwork, "a depth bundle"), "pose": (PoseNetwork, "a 
 """Kinds of bundles that give no flow: what loads them, and their name."""
 
 
-def run_check(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Check a bundle; 1 where torch and ONNX Runtime differ, or too much accuracy was lost."""
     bundle = read_bundle(bundle_folder(arguments.bundle))
     manifest = bundle.manifest
