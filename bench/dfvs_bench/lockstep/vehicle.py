@@ -60,11 +60,6 @@ class HoveringVehicle:
         """Mode as the gate knows it."""
         return _MODES.get(self._px4.status.mode, VehicleMode.OTHER)
 
-    @property
-    def estimate_resets(self) -> int:
-        """How often the estimate was reset, as ODOMETRY counts it."""
-        return self._px4.flight.estimate.resets
-
     def advance(self, t_ns: int) -> None:
         """Advance to a time, ns."""
         self._px4.step(t_ns)

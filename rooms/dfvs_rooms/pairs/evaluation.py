@@ -58,15 +58,7 @@ class ViewPair:
 class PairSampler:
     """Draws pairs of views of one scene.
 
-    Parameters
-    ----------
-    renderer : Renderer
-        The scene; it must have a floor and be closed enough that no view has much sky.
-
-    Raises
-    ------
-    SceneError
-        If the scene has no floor.
+    It must have a floor, else SceneError, and be closed enough that no view has much sky.
     """
 
     def __init__(self, renderer: Renderer) -> None:
