@@ -35,7 +35,7 @@ class DrawnTask:
 
     name: str
     environment: str
-    """Of its scene; ``name`` is unique in a run."""
+    """Name of its scene, as ``name`` is that of the task, unique in a run."""
     cell: Cell
     """How far the start is from the goal."""
     overlap: float
@@ -44,7 +44,7 @@ class DrawnTask:
     """Drawn without looking at the overlap: it counts among "all tasks"."""
     start: tuple[float, ...]
     goal: tuple[float, ...]
-    """As ``start``: ``T_world_camera`` (4, 4) row by row, NED."""
+    """Both are ``T_world_camera`` (4, 4) row by row, NED."""
 
     @property
     def overlaps(self) -> bool:

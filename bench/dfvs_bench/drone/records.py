@@ -47,7 +47,7 @@ class FlightRecord:
     seed: int
     start: tuple[float, ...]
     goal: tuple[float, ...]
-    """As start: the levelled pose (4, 4) row by row, NED, as planned."""
+    """Both are levelled poses (4, 4) row by row, NED, as planned."""
     size: tuple[int, ...]
     """Width and height of the images, px."""
     overlap: float
@@ -83,7 +83,7 @@ class FlightRecord:
     """Hash of scene, intrinsics, networks and settings file; see ``input_digest``."""
     estimate: str | None = "perfect"
     wind: str | None = "calm"
-    """As estimate: of the simulated vehicle, see ``Conditions``; None beside another one."""
+    """Both of the simulated vehicle, see ``Conditions``; None beside another one."""
     autopilot: str | None = None
     """MAVLink URL of a vehicle that ran already; None for the simulated one."""
 

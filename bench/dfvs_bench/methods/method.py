@@ -30,7 +30,7 @@ class Observation:
     depth: DepthMap
     """True depth (H, W); only methods that say so look at it."""
     T_world_camera: FloatArray
-    """(4, 4): Where the camera is, in a world that knows nothing of the goal: odometry."""
+    """(4, 4): where the camera is, in a world that knows nothing of the goal: odometry."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class Decision:
     """What a method does with what it saw."""
 
     T_current_next: FloatArray
-    """(4, 4): Motion of the camera until the next frame, in the current optical frame, m."""
+    """(4, 4): motion of the camera until the next frame, in the current optical frame, m."""
     error: float
     """The method's own error: median flow in px, or grey levels."""
     done: bool = False

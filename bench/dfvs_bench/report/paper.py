@@ -22,7 +22,7 @@ class PaperScene:
     """m, degrees."""
     translation_m: tuple[float, ...]
     rotation_deg: tuple[float, ...]
-    """As the translation: the final error."""
+    """Both are final errors."""
     path_m: tuple[float | None, ...]
     iterations: tuple[int | None, ...]
 

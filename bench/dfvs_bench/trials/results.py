@@ -24,7 +24,7 @@ class TrialRecord:
     """Frames that the method was given."""
     start: tuple[float, ...]
     goal: tuple[float, ...]
-    """Pose (4, 4) row by row, NED, as the start."""
+    """Both are poses (4, 4) row by row, NED."""
     size: tuple[int, ...]
     """Width and height of the images, px."""
     version: str

@@ -37,7 +37,7 @@ class Job:
     """Scene and poses."""
     method: str
     matcher: str
-    """Name that ``load_matcher`` knows, as ``METHODS`` knows that of the method."""
+    """Both are names, as ``METHODS`` and ``load_matcher`` know them."""
     most_iterations: int
     """Frames that the method is given."""
     revision: str

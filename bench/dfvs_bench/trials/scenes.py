@@ -46,7 +46,7 @@ class SceneSpec:
     """``easy``, ``medium`` or ``hard``."""
     distance_m: float
     angle_deg: float
-    """Between start and goal."""
+    """Both are between start and goal."""
 
     @property
     def constraints(self) -> TaskConstraints:

@@ -35,7 +35,7 @@ class BenchTask:
     """GLB file."""
     T_world_start: FloatArray
     T_world_goal: FloatArray
-    """(4, 4) as the start: camera poses, NED, m."""
+    """Both are camera poses (4, 4), NED, m."""
     camera: CameraModel
     """Intrinsics of both views."""
     difficulty: str = ""

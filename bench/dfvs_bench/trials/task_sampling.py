@@ -29,7 +29,7 @@ class TaskConstraints:
 
     distance_m: float
     angle_rad: float
-    """Both between start and goal, exactly."""
+    """Both are between start and goal, exactly."""
     overlap: tuple[float, float]
     """Least and most share of the goal's pixels that the start sees."""
     features: int

@@ -49,7 +49,7 @@ class BenchResult:
     """``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says."""
     median_ms: float
     p99_ms: float
-    """As the median: of the networks' part of one frame, see ``run_frame``."""
+    """Both are of the networks' part of one frame, see ``run_frame``."""
     resident_mb: float
     """Most memory that the process held, MB."""
 

@@ -25,11 +25,11 @@ class Part:
 
     vertices: FloatArray
     normals: FloatArray
-    """(N, 3) float64: outward, of length 1; positions are in room axes, m."""
+    """Both (N, 3) float64: positions in room axes, m, and outward unit normals."""
     uv: FloatArray
-    """(N, 2) float64: Texture coordinates, m (or 0 to 1 where stretched)."""
+    """(N, 2) float64: texture coordinates, m (or 0 to 1 where stretched)."""
     triangles: Int32Array
-    """(M, 3) int32: Vertex indices, anticlockwise seen from outside."""
+    """(M, 3) int32: vertex indices, anticlockwise seen from outside."""
     material: str
     """Name of the material."""
     is_sheet: bool = False

@@ -52,7 +52,7 @@ class ViewPair:
     flow: Float32Array
     """(H, W, 2) float32: px, a to b; NaN where it means nothing."""
     visible: BoolArray
-    """(H, W) bool: Where a shows what b sees as well."""
+    """(H, W) bool: where a shows what b sees as well."""
 
 
 class PairSampler:

@@ -21,7 +21,7 @@ class Bond:
 
     rows: int
     columns: int
-    """Stones to the image, as rows, which are even where they are staggered."""
+    """Both are stones to the image; rows are even where they are staggered."""
     tones: tuple[Colour, ...]
     """Colours between which the stones vary."""
     joint: Colour

@@ -22,7 +22,7 @@ class Lens:
     """Same axes and focal lengths, larger image."""
     x: Float32Array
     y: Float32Array
-    """(H, W) float32, as x: position in the pinhole image of each pixel's centre."""
+    """Both (H, W) float32: position in the pinhole image of each pixel's centre."""
 
 
 @lru_cache(maxsize=8)

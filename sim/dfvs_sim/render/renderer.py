@@ -27,7 +27,7 @@ class View:
     image: ImageArray
     """(H, W, 3) uint8: RGB."""
     depth_m: Float32Array
-    """(H, W) float32: Depth along the optical axis at each pixel's centre, m; 0 is sky."""
+    """(H, W) float32: depth along the optical axis at each pixel's centre, m; 0 is sky."""
 
 
 class Renderer:

@@ -23,16 +23,16 @@ class Scene:
     """Triangles to look at. What is seen is texture x vertex colour, nothing else."""
 
     vertices: Float32Array
-    """(N, 3) float32: Positions in NED, m."""
+    """(N, 3) float32: positions in NED, m."""
     triangles: Int32Array
-    """(M, 3) int32: Vertex indices; both sides of a triangle are visible."""
+    """(M, 3) int32: vertex indices; both sides of a triangle are visible."""
     uv: Float32Array
-    """(N, 2) float32: Texture coordinates, (0, 0) at the first texel's outer corner, v downwards.
+    """(N, 2) float32: texture coordinates, (0, 0) at the first texel's outer corner, v downwards.
     """
     colours: Float32Array
-    """(N, 3) float32: Linear light: material colour x baked light."""
+    """(N, 3) float32: linear light: material colour x baked light."""
     texture_index: Int32Array
-    """(M,) int32: Texture of each triangle, or ``NO_TEXTURE``."""
+    """(M,) int32: texture of each triangle, or ``NO_TEXTURE``."""
     textures: tuple[Texture, ...] = ()
     sky: tuple[float, float, float] = (0.42, 0.58, 0.78)
     """Linear light seen where there is no triangle."""

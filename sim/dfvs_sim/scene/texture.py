@@ -53,7 +53,7 @@ class TexturePack:
     texels: ImageArray
     """(P * 3,) uint8: RGB, sRGB encoded; levels one after the other, row by row."""
     levels: Int64Array
-    """(K, MAX_LEVELS, 5) int64: First texel, width and height of each level of each texture, and
+    """(K, MAX_LEVELS, 5) int64: first texel, width and height of each level of each texture, and
     its ``Wrap`` of u and v. Beyond the smallest level that one is repeated.
     """
 
