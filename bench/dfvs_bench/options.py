@@ -84,8 +84,12 @@ def trial_setup(
 ) -> tuple[TrialExecutor, list[str]]:
     """Executor, and methods of ``--methods`` or the default ones whose networks there are.
 
-    Outputs, iterations and models are checked before anything runs. Raises DfvsError if an option
-    cannot be used, or the matcher or the network of a method not be loaded.
+    Outputs, iterations and models are checked before anything runs.
+
+    Raises
+    ------
+    DfvsError
+        If an option cannot be used, or the matcher or the network of a method not be loaded.
     """
     check_outputs(args, *outputs)
     if args.iterations is not None:
@@ -127,7 +131,10 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
 def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
     """Tasks of ``--tasks`` or ``--scene``, or of the ten scenes; those that ``--scenes`` names.
 
-    Raises DfvsError if the file cannot be used, or a name is not known.
+    Raises
+    ------
+    DfvsError
+        If the file cannot be used, or a name is not known.
     """
     own = own_tasks(args)
     tasks = named(own or default_tasks(), args.scenes, lambda task: task.name)
@@ -139,7 +146,10 @@ def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
 def check_tasks(tasks: Sequence[BenchTask]) -> None:
     """Refuse tasks that could not be tried, before any is: hours may lie between them.
 
-    Raises DfvsError if a scene cannot be read, or images are too small to be matched.
+    Raises
+    ------
+    DfvsError
+        If a scene cannot be read, or images are too small to be matched.
     """
     for task in tasks:
         if min(task.camera.size) < LEAST_SIZE_PX:
@@ -155,7 +165,10 @@ def check_tasks(tasks: Sequence[BenchTask]) -> None:
 def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
     """Tasks of ``--tasks`` and ``--scene``; none where neither is given.
 
-    Raises DfvsError if a file cannot be used, or two tasks have one name.
+    Raises
+    ------
+    DfvsError
+        If a file cannot be used, or two tasks have one name.
     """
     tasks = read_tasks(args.tasks) if args.tasks else []
     scenes = own_scenes(args, [task.name for task in tasks])
@@ -165,7 +178,10 @@ def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
 def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
     """Files of ``--scene``, which go by their names without the ending.
 
-    Raises ConfigError if there is no such file, or two have one name or one of those ``taken``.
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or two have one name or one of those ``taken``.
     """
     scenes: list[Path] = list(args.scene or ())
     for scene in scenes:
@@ -185,7 +201,10 @@ def check_names(scenes: Sequence[Path], taken: Sequence[str] = ()) -> None:
 def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:
     """Those of the items that are named, separated by commas, in that order; or all.
 
-    Raises ConfigError if a name is not known.
+    Raises
+    ------
+    ConfigError
+        If a name is not known.
     """
     if not names:
         return list(items)

@@ -46,7 +46,10 @@ def add_camera_options(
 def camera_from(args: argparse.Namespace, option: str = "--size") -> CameraModel:
     """Camera of ``--size``, or what it is called, and ``--fov``.
 
-    Raises ConfigError if the size is none.
+    Raises
+    ------
+    ConfigError
+        If the size is none.
     """
     return CameraModel.from_horizontal_fov(*parse_size(args.size, option), math.radians(args.fov))
 
@@ -56,7 +59,10 @@ def parse_numbers(
 ) -> tuple[float, ...]:
     """Finite numbers that are separated by commas.
 
-    Raises ConfigError if the text is not so many numbers.
+    Raises
+    ------
+    ConfigError
+        If the text is not so many numbers.
     """
     try:
         values = tuple(float(part) for part in text.split(","))
@@ -69,7 +75,13 @@ def parse_numbers(
 
 
 def parse_seeds(text: str, option: str, expected: str) -> range:
-    """Seeds A to B of ``A-B``, or the one of ``A``; ConfigError if the text is neither."""
+    """Seeds A to B of ``A-B``, or the one of ``A``.
+
+    Raises
+    ------
+    ConfigError
+        If the text is neither.
+    """
     match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", text)
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
     if last < first:
@@ -80,7 +92,10 @@ def parse_seeds(text: str, option: str, expected: str) -> range:
 def parse_camera_pose(text: str, option: str) -> FloatArray:
     """``T_scene_camera`` (4, 4) of a level camera from ``X,Y,Z,YAW`` (NED, m and degrees).
 
-    Raises ConfigError if the text is not four finite numbers.
+    Raises
+    ------
+    ConfigError
+        If the text is not four finite numbers.
     """
     expected = "X,Y,Z,YAW: north, east, down in m and heading in degrees"
     remedy = f"for instance {option} 0.5,-1,-1.3,40"
@@ -94,7 +109,13 @@ def grade_names(grades: type[EstimateGrade] | type[WindGrade]) -> str:
 
 
 def parse_estimate(name: str) -> EstimateGrade:
-    """Grade of ``--estimate``; ConfigError if there is no such grade."""
+    """Grade of ``--estimate``.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such grade.
+    """
     try:
         return EstimateGrade(name)
     except ValueError as error:
@@ -105,7 +126,10 @@ def parse_estimate(name: str) -> EstimateGrade:
 def parse_wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
     """Grade of wind with gusts, and steady wind towards north and east (m/s), of ``--wind``.
 
-    Raises ConfigError if it is neither a grade nor two numbers.
+    Raises
+    ------
+    ConfigError
+        If it is neither a grade nor two numbers.
     """
     if any(text == grade.value for grade in WindGrade):
         return WindGrade(text), (0.0, 0.0)

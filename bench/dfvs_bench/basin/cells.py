@@ -20,7 +20,13 @@ _MOST_M, _MOST_DEG = 100.0, 180.0
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A point of Fig. 6; ConfigError if a number is out of range."""
+    """A point of Fig. 6.
+
+    Raises
+    ------
+    ConfigError
+        If a number is out of range.
+    """
 
     translation_m: float
     """The largest of the displacements along the goal camera's three axes."""

@@ -54,7 +54,10 @@ def default_environments() -> list[Environment]:
 def make_missing(environments: Sequence[Environment], progress: Callable[[str], None]) -> None:
     """Make the rooms of ``default_environments`` that are not in the cache yet, quickly lit.
 
-    Raises ConfigError if the cache cannot be written.
+    Raises
+    ------
+    ConfigError
+        If the cache cannot be written.
     """
     missing = [place for place in environments if not place.scene.is_file()]
     for done, place in enumerate(missing):

@@ -66,7 +66,10 @@ def draw_tasks(
 ) -> list[DrawnTask]:
     """Draw the requests and keep them in the folder; what is there from the same request stays.
 
-    Raises DfvsError if no goal is found in a scene, or the folder's file is damaged.
+    Raises
+    ------
+    DfvsError
+        If no goal is found in a scene, or the folder's file is damaged.
     """
     path = folder / BASIN_FILE
     kept = {place.name: place for place in _read(path).environments} if path.is_file() else {}
@@ -92,7 +95,11 @@ def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) ->
     """Trials of the tasks that a folder of ``dfvs-bench basin`` holds, whatever their method.
 
     Others are counted aloud. They are looked for among ``records``; None reads all in the folder.
-    Raises ConfigError if the folder holds no tasks, or a file is damaged.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds no tasks, or a file is damaged.
     """
     places = _read(folder / BASIN_FILE).environments
     tasks = {task.name: (task, place.seed) for place in places for task in place.tasks}

@@ -95,7 +95,13 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def cells_from(args: argparse.Namespace) -> tuple[Cell, ...]:
-    """Every translation with every rotation set, set by set; ConfigError if one of them is none."""
+    """Every translation with every rotation set, set by set.
+
+    Raises
+    ------
+    ConfigError
+        If one of them is none.
+    """
     rotations: list[tuple[float, ...]] = list(ROTATIONS_DEG)
     if args.rotations:
         expected = "three angles in degrees such as 20,20,40"

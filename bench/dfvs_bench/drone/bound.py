@@ -43,8 +43,12 @@ def trapezoid_s(distance: float, speed: float, slew: float) -> float:
     """Least time from rest to rest over a distance with bounded speed and acceleration.
 
     The speed's profile is a trapezoid, or a triangle where the distance is too short to come to
-    full speed. Units are any, as long as they agree. Raises ConfigError if the distance is
-    negative, or speed or slew are not positive.
+    full speed. Units are any, as long as they agree.
+
+    Raises
+    ------
+    ConfigError
+        If the distance is negative, or speed or slew are not positive.
     """
     if distance < 0 or speed <= 0 or slew <= 0:
         raise ConfigError(

@@ -32,8 +32,12 @@ _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_rati
 def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> FlightRecord:
     """Fly a levelled task; its summary and logs go into the folder.
 
-    Where vehicle, pilot or service cannot be brought up, the record says so. Raises ConfigError if
-    no flight can be brought up with these settings.
+    Where vehicle, pilot or service cannot be brought up, the record says so.
+
+    Raises
+    ------
+    ConfigError
+        If no flight can be brought up with these settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
     poses = (task.T_world_start, task.T_world_goal)

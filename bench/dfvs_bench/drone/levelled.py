@@ -15,7 +15,10 @@ _STEEPEST_RAD = math.radians(80.0)
 def levelled(T_world_camera: FloatArray) -> FloatArray:
     """Pose (4, 4) of a level camera at the same place, that looks the same way in the plan.
 
-    Raises GeometryError if the camera looks so steeply up or down that it has no heading.
+    Raises
+    ------
+    GeometryError
+        If the camera looks so steeply up or down that it has no heading.
     """
     north, east, down = (float(v) for v in T_world_camera[:3, 2])
     pitch_rad = math.atan2(-down, math.hypot(north, east))
@@ -31,8 +34,12 @@ def levelled(T_world_camera: FloatArray) -> FloatArray:
 def levelled_task(task: BenchTask) -> BenchTask:
     """A task with start and goal levelled: the goal's roll and pitch are left out of it.
 
-    A multirotor cannot hold them: the goal image is taken anew from the levelled goal. Raises
-    GeometryError if start or goal has no heading.
+    A multirotor cannot hold them: the goal image is taken anew from the levelled goal.
+
+    Raises
+    ------
+    GeometryError
+        If start or goal has no heading.
     """
     try:
         start, goal = levelled(task.T_world_start), levelled(task.T_world_goal)

@@ -17,7 +17,10 @@ _TIMEOUT_S = 60.0
 def settings_in_force(words: Sequence[str]) -> dict[str, Any]:
     """All settings of a service with these ``--set`` and ``--config`` words, by section and key.
 
-    Raises ConfigError if the service refuses them, or does not answer.
+    Raises
+    ------
+    ConfigError
+        If the service refuses them, or does not answer.
     """
     command = [sys.executable, "-m", "dfvs_service.cli", "config", *words]
     try:

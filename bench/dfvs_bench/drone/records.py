@@ -123,8 +123,12 @@ def write_record(folder: Path, record: FlightRecord) -> None:
 def read_records(folder: Path) -> list[FlightRecord]:
     """Read all records of a folder, in the order of their names.
 
-    A summary of ``dfvs-bench drone --json`` is left out, with a line in the log. Raises ConfigError
-    if one is damaged.
+    A summary of ``dfvs-bench drone --json`` is left out, with a line in the log.
+
+    Raises
+    ------
+    ConfigError
+        If one is damaged.
     """
     records = []
     for path in sorted(folder.glob("*.json")):
@@ -136,7 +140,13 @@ def read_records(folder: Path) -> list[FlightRecord]:
 
 
 def read_record(path: Path) -> FlightRecord:
-    """Read a record; ConfigError if it is none."""
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
     return read_document(FlightRecord, path, f"record {path}", "a file of dfvs-bench drone")
 
 

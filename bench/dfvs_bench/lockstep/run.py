@@ -17,7 +17,13 @@ _SENSOR_NOISE = 1.5
 
 
 def fly(job: SimulatedJob) -> SimulatedFlight:
-    """Fly one job to its end; DfvsError if the scene or a model cannot be used."""
+    """Fly one job to its end.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or a model cannot be used.
+    """
     renderer = Renderer(load_glb(job.scene))
     task = sample_task(renderer, CAMERA, np.random.default_rng(job.seed))
     return simulated_flight(job.seed, task.T_world_goal, _flight(job, task, renderer).run())

@@ -100,7 +100,10 @@ class MethodKind:
     def load(self, bundle: str | None) -> Networks:
         """Load the network that it needs from a bundle.
 
-        Raises ModelError if there is no such bundle, or it cannot be used.
+        Raises
+        ------
+        ModelError
+            If there is no such bundle, or it cannot be used.
         """
         if bundle is None:
             return Networks()

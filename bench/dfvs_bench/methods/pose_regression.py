@@ -26,7 +26,12 @@ class PoseRegressionMethod:
     """Goes a tenth of the way to where a network says that the goal is.
 
     The true median depth of the second image scales a translation that is in depths; else depth is
-    not looked at. Raises ModelError if there is no network.
+    not looked at.
+
+    Raises
+    ------
+    ModelError
+        If there is no network.
     """
 
     def __init__(self, goal: GoalObservation, network: PoseNetwork | None) -> None:

@@ -106,7 +106,13 @@ POSE_NETWORKS = tuple(dict.fromkeys(kind.pose for kind in METHODS.values() if ki
 
 
 def chosen_methods(names: Sequence[str]) -> dict[str, MethodKind]:
-    """Methods by their names; ConfigError if there is no such method."""
+    """Methods by their names.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method.
+    """
     for name in names:
         if name not in METHODS:
             raise ConfigError(f"there is no method {name!r}", f"one of {', '.join(METHODS)}")

@@ -81,7 +81,10 @@ class RelocalisationJob:
 def without(stages: Iterable[str]) -> MatchingConfig:
     """Default numbers, with some of :data:`STAGES` left out.
 
-    Raises ConfigError if there is no such stage.
+    Raises
+    ------
+    ConfigError
+        If there is no such stage.
     """
     config = MatchingConfig()
     for stage in stages:
@@ -108,7 +111,12 @@ def relocalise(job: RelocalisationJob) -> list[Relocalisation]:
 
     The goal is prepared once, as the service does: it is matched with itself first. Preparing the
     current image counts. The first start is matched once more beforehand: what a network sets up at
-    its first call does not count. Raises DfvsError if the scene or the matcher cannot be used.
+    its first call does not count.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or the matcher cannot be used.
     """
     matcher = load_matcher(job.matcher, job.threads, config=job.config)
     renderer, camera = renderer_of(job.environment.scene), job.environment.camera

@@ -149,7 +149,10 @@ def _paths(panels: tuple[Any, Any], records: Sequence[TrialRecord], styles: _Sty
 def figure_format(option: str, path: Path) -> str:
     """Format of the figure that an option names: ``png``, ``svg`` or ``pdf``.
 
-    Raises ConfigError if the name ends in anything else.
+    Raises
+    ------
+    ConfigError
+        If the name ends in anything else.
     """
     ending = path.suffix.lower().lstrip(".")
     if ending not in _FORMATS:

@@ -35,7 +35,10 @@ def table1_section(
 ) -> str:
     """HTML of the sections, with their headings; ``progress`` is told which task is drawn.
 
-    Raises DfvsError if a scene, the depth bundle, or the matcher of the records cannot be used.
+    Raises
+    ------
+    DfvsError
+        If a scene, the depth bundle, or the matcher of the records cannot be used.
     """
     matcher = load_matcher(records[0].matcher, threads=1)
     network = None if depth_bundle is None else load_depth_network(depth_bundle, threads=1)

@@ -20,8 +20,12 @@ _T = TypeVar("_T")
 def read_document(kind: type[_T], path: Path, subject: str, expected: str) -> _T:
     """Read a document and check it against its dataclass, ``kind``.
 
-    ``subject`` and ``expected`` say in the error what the file is and should be. Raises ConfigError
-    if it cannot be read, or is something else.
+    ``subject`` and ``expected`` say in the error what the file is and should be.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or is something else.
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))

@@ -25,7 +25,10 @@ _LOST_WORKERS = frozenset({"BrokenProcessPool", "KilledWorker"})
 class TrialExecutor:
     """Where jobs are done.
 
-    Raises ConfigError if the number of workers is out of range, or given beside a scheduler.
+    Raises
+    ------
+    ConfigError
+        If the number of workers is out of range, or given beside a scheduler.
     """
 
     workers: int = 1
@@ -48,8 +51,12 @@ class TrialExecutor:
         """Do all jobs; results come as they are finished, in any order.
 
         Whoever stops listening cancels the jobs that have not begun. ``work`` is a function of a
-        module, which a job and its result can be sent to and from. Raises ConfigError if the
-        scheduler cannot be reached.
+        module, which a job and its result can be sent to and from.
+
+        Raises
+        ------
+        ConfigError
+            If the scheduler cannot be reached.
         """
         if not jobs:
             return

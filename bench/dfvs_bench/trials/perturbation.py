@@ -84,7 +84,10 @@ PERTURBATIONS = {p.name: p for p in (Perturbation(k, s) for k in KINDS for s in 
 def parse_perturbations(names: str) -> list[Perturbation]:
     """Perturbations of a list such as ``light,noise-strong``; a kind alone is of medium strength.
 
-    Raises ConfigError if there is no such perturbation.
+    Raises
+    ------
+    ConfigError
+        If there is no such perturbation.
     """
     known = PERTURBATIONS | {kind: Perturbation(kind) for kind in KINDS}
     for name in names.split(","):
@@ -99,7 +102,10 @@ def parse_perturbations(names: str) -> list[Perturbation]:
 def perturbed_renderer(perturbation: Perturbation, task: BenchTask, renderer: Renderer) -> Renderer:
     """Renderer of the scene that is flown in; the same one where the scene does not change.
 
-    Raises SceneError if the goal shows no object that could be moved.
+    Raises
+    ------
+    SceneError
+        If the goal shows no object that could be moved.
     """
     if perturbation.kind == "light":
         return Renderer(_relit(renderer.scene, perturbation, task))
@@ -111,7 +117,10 @@ def perturbed_renderer(perturbation: Perturbation, task: BenchTask, renderer: Re
 def check_perturbations(perturbations: Sequence[Perturbation], tasks: Sequence[BenchTask]) -> None:
     """Refuse tasks that could not be perturbed, before any is tried.
 
-    Raises DfvsError if a goal shows no object that could be moved.
+    Raises
+    ------
+    DfvsError
+        If a goal shows no object that could be moved.
     """
     for perturbation in perturbations:
         for task in tasks if perturbation.kind == "moved" else ():

@@ -68,7 +68,12 @@ def input_digest(
 ) -> str:
     """SHA-256 of the scene file, the intrinsics, the models' files, and a settings file.
 
-    ``matcher`` and ``network`` name the models. Raises DfvsError if one of them cannot be read.
+    ``matcher`` and ``network`` name the models.
+
+    Raises
+    ------
+    DfvsError
+        If one of them cannot be read.
     """
     parts = {
         "scene": file_digest(task.scene),
@@ -84,7 +89,10 @@ def input_digest(
 def file_digest(path: Path) -> str:
     """SHA-256 of a file, which is read again only where it was changed.
 
-    Raises ConfigError if it cannot be read.
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
     """
     try:
         return _digest_of(path, path.stat().st_mtime_ns)

@@ -67,14 +67,23 @@ def write_record(folder: Path, record: TrialRecord) -> None:
 
 
 def read_record(path: Path) -> TrialRecord:
-    """Read a record; ConfigError if it is none."""
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
     return read_document(TrialRecord, path, f"record {path}", "a file of table1")
 
 
 def read_records(folder: Path) -> list[TrialRecord]:
     """Read all records of a folder, by method and task in the order of their names.
 
-    Raises ConfigError if there are none, or one is damaged.
+    Raises
+    ------
+    ConfigError
+        If there are none, or one is damaged.
     """
     paths = sorted(folder.glob("*--*.json"))
     if not paths:
@@ -92,7 +101,11 @@ def fits(
     """Tell whether a record is of this very task, with these settings and this program.
 
     ``network`` is the bundle of the network that the method needs beside the matcher, if any.
-    Raises DfvsError if the scene or a model cannot be read.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or a model cannot be read.
     """
     return (
         same_poses((record.start, record.goal), task.poses)

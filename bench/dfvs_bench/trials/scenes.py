@@ -90,9 +90,13 @@ def make_scenes(
     """Make rooms and tasks in a folder; rooms that are there already are kept.
 
     With ``traced`` settings the rooms are lit by path tracing as well, once their tasks are drawn:
-    the tasks are the same in either light. The ten that come with the package were made so. Raises
-    DfvsError if the folder cannot be written, no task fits into a room, or light is to be traced
-    and Mitsuba is not installed.
+    the tasks are the same in either light. The ten that come with the package were made so.
+
+    Raises
+    ------
+    DfvsError
+        If the folder cannot be written, no task fits into a room, or light is to be traced and
+        Mitsuba is not installed.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -138,7 +142,10 @@ def _task(spec: SceneSpec, scene: Path) -> BenchTask:
 def task_in(scene: Path) -> BenchTask:
     """Draw one task of medium difficulty in anybody's scene: 1.5 m and 20 degrees.
 
-    Raises DfvsError if the scene cannot be read, or has no room for one.
+    Raises
+    ------
+    DfvsError
+        If the scene cannot be read, or has no room for one.
     """
     seed = 0
     poses = _drawn(scene, _IN_OTHERS, np.random.default_rng(seed))

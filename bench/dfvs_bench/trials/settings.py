@@ -45,7 +45,10 @@ class Setting:
 def setting_tasks(name: str, share: float | None, folder: Path) -> list[BenchTask]:
     """Write the tasks of a setting, and its scenes, into a folder.
 
-    Raises DfvsError if the share is none, or the folder cannot be written.
+    Raises
+    ------
+    DfvsError
+        If the share is none, or the folder cannot be written.
     """
     setting = SETTINGS[name]
     share = setting.share if share is None else share

@@ -99,7 +99,10 @@ def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
 def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Write a table (CSV) of rows that all have the same columns.
 
-    Raises ConfigError if the file cannot be written.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
     """
     try:
         with path.open("w", newline="", encoding="utf-8") as file:

@@ -122,9 +122,13 @@ def run_trial(
 ) -> Trial:
     """Lead the camera until the method is done, gives up or goes astray, or time is over.
 
-    The method is given what ``disturb`` makes of each rendered view. Raises DfvsError if the method
-    decides on a motion that is no pose, an error that is no number, or to give up without saying
-    why.
+    The method is given what ``disturb`` makes of each rendered view.
+
+    Raises
+    ------
+    DfvsError
+        If the method decides on a motion that is no pose, an error that is no number, or to give
+        up without saying why.
     """
     T = task.T_world_start
     steps: list[Step] = []

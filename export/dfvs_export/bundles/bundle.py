@@ -58,7 +58,10 @@ def hashes(contents: Mapping[str, bytes]) -> dict[str, str]:
 def write_bundle(folder: Path, bundle: Bundle, card: str, accuracy: Mapping[str, float]) -> None:
     """Write a bundle with its model card and accuracy beside its place, then move it there.
 
-    Raises ModelError if the folder exists and is no bundle, or cannot be written.
+    Raises
+    ------
+    ModelError
+        If the folder exists and is no bundle, or cannot be written.
     """
     check_free(folder)
     contents = {**bundle.contents, CARD_NAME: card.encode()}

@@ -85,8 +85,10 @@ class DepthModel:
     def load(cls, name: str, weights: DepthWeights) -> DepthModel:
         """Build a network and load its weights.
 
-        Raises ConfigError or ModelError if a package that it needs is not installed, or the weights
-        cannot be used.
+        Raises
+        ------
+        ConfigError, ModelError
+            If a package that it needs is not installed, or the weights cannot be used.
         """
         if (weights.folder is not None) and name != ANYTHING:
             raise ConfigError(f"--from for {name}", "--checkpoint FILE")

@@ -48,7 +48,13 @@ class PoseModel:
 
     @classmethod
     def load(cls, path: Path) -> PoseModel:
-        """Read a checkpoint of ``train-pose``; ModelError if the weights cannot be used."""
+        """Read a checkpoint of ``train-pose``.
+
+        Raises
+        ------
+        ModelError
+            If the weights cannot be used.
+        """
         weights = load_pose_weights(path)
         return cls(weights, weights.network())
 

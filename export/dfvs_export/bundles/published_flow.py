@@ -66,7 +66,10 @@ class PublishedFlow:
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px.
 
-        Raises ModelError if torch cannot trace the network.
+        Raises
+        ------
+        ModelError
+            If torch cannot trace the network.
         """
         width, height = size
         g = torch.Generator().manual_seed(0)

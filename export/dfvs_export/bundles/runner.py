@@ -15,7 +15,13 @@ FOCAL = 0.65
 
 
 class BundleRunner:
-    """Runs a bundle, and judges nothing; ModelError if its graphs cannot be loaded."""
+    """Runs a bundle, and judges nothing.
+
+    Raises
+    ------
+    ModelError
+        If its graphs cannot be loaded.
+    """
 
     def __init__(self, bundle: Bundle, threads: int = 2) -> None:
         self.bundle = bundle

@@ -50,7 +50,10 @@ def trace_published(
 ) -> bytes:
     """Trace a network that may use operators that ONNX lacks.
 
-    Raises ModelError if torch cannot export the network ``name``.
+    Raises
+    ------
+    ModelError
+        If torch cannot export the network ``name``.
     """
     try:
         return trace(graph, inputs, names)

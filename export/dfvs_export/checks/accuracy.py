@@ -32,7 +32,13 @@ def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
 
 
 def accuracy_figures(scores: dict[str, LevelScore]) -> dict[str, float]:
-    """Return the figures that a manifest keeps; ModelError if the bundle's flow was not finite."""
+    """Return the figures that a manifest keeps.
+
+    Raises
+    ------
+    ModelError
+        If the bundle's flow was not finite.
+    """
     figures = {}
     for level, score in scores.items():
         figures[f"{level}_epe_px"] = round(score.epe_px, 3)

@@ -57,7 +57,10 @@ class BenchResult:
 def bench(folders: Sequence[Path], plan: BenchPlan) -> list[BenchResult]:
     """Measure bundles; round by round every bundle has its turn, so that all meet the same load.
 
-    Raises ModelError if a bundle cannot be used, or has another input size.
+    Raises
+    ------
+    ModelError
+        If a bundle cannot be used, or has another input size.
     """
     precisions = [_precision(folder, plan.size) for folder in folders]
     try:

@@ -54,7 +54,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def operators(contents: Mapping[str, bytes]) -> Counter[str]:
-    """Count the operators of all ONNX files; ModelError if a file is not valid ONNX."""
+    """Count the operators of all ONNX files.
+
+    Raises
+    ------
+    ModelError
+        If a file is not valid ONNX.
+    """
     counts: Counter[str] = Counter()
     for name, data in contents.items():
         if not name.endswith(".onnx"):

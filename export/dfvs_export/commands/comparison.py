@@ -19,7 +19,10 @@ _FINITE = {"mono": "finite depth", "pose": "a finite pose"}
 def compare_with_torch(network: TorchNetwork, bundle: Bundle, count: int) -> Parity:
     """Compare a bundle with its network in torch on ``count`` drawn pairs.
 
-    Raises ModelError if either gives values that are not finite.
+    Raises
+    ------
+    ModelError
+        If either gives values that are not finite.
     """
     pairs = drawn_pairs(_size(bundle), count, _PARITY_SEED)
     found = parity(network, BundleRunner(bundle), pairs)
@@ -51,7 +54,10 @@ def check_calibration(arguments: argparse.Namespace) -> None:
 def calibration_frames(arguments: argparse.Namespace, bundle: Bundle) -> list[ImagePair]:
     """Images of a bundle's size to calibrate int8 on: given ones, or else drawn patches.
 
-    Raises ConfigError if the given ones cannot be read.
+    Raises
+    ------
+    ConfigError
+        If the given ones cannot be read.
     """
     count = arguments.calibration_pairs
     if arguments.calibration:

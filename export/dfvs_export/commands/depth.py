@@ -50,7 +50,10 @@ def run(arguments: argparse.Namespace) -> int:
 def named_depth_model(arguments: argparse.Namespace) -> DepthModel:
     """The depth network that ``--model`` and the weights name.
 
-    Raises ConfigError or ModelError if it or its weights cannot be used.
+    Raises
+    ------
+    ConfigError, ModelError
+        If it or its weights cannot be used.
     """
     return DepthModel.load(arguments.model, _weights(arguments))
 

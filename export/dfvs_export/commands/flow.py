@@ -49,7 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
 def named_matching_network(arguments: argparse.Namespace) -> OwnFlow | PublishedFlow:
     """Load the network that ``--model`` and the weights name.
 
-    Raises ConfigError or ModelError if there is no such network, or its weights cannot be used.
+    Raises
+    ------
+    ConfigError, ModelError
+        If there is no such network, or its weights cannot be used.
     """
     checkpoint, weights, digest = arguments.checkpoint, arguments.weights, arguments.sha256
     if arguments.model == NAME:

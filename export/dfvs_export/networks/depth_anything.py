@@ -37,8 +37,12 @@ class DepthAnything(nn.Module):
     """Image (1, 3, H, W), normalised as ImageNet's, to depth or inverse depth (1, H, W).
 
     H and W are multiples of 14. ``folder`` is one that ``transformers`` saved; without one the
-    weights are random. Raises ConfigError or ModelError if ``transformers`` is not installed, or
-    the folder holds another network, or other weights.
+    weights are random.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If ``transformers`` is not installed, or the folder holds another network, or other weights.
     """
 
     def __init__(self, folder: Path | None = None) -> None:

@@ -49,7 +49,12 @@ class _Fusion(nn.Module):
 class MidasSmall(nn.Module):
     """Image (1, 3, H, W), normalised as ImageNet's, to inverse depth (1, H, W), affine.
 
-    H and W are multiples of 32. Raises ConfigError if the package of the encoder is not installed.
+    H and W are multiples of 32.
+
+    Raises
+    ------
+    ConfigError
+        If the package of the encoder is not installed.
     """
 
     def __init__(self) -> None:

@@ -25,7 +25,12 @@ def read_frames(path: Path, size: tuple[int, int], count: int) -> list[ImagePair
     """Read up to ``count`` pairs, evenly over the file or folder, at ``size`` (width, height).
 
     Images of a folder are paired by name: the first half with the second, in order, so that a
-    recorded flight gives large motion too. Raises ConfigError if there are no images to read.
+    recorded flight gives large motion too.
+
+    Raises
+    ------
+    ConfigError
+        If there are no images to read.
     """
     if path.is_dir():
         files = sorted(f for f in path.iterdir() if f.suffix.lower() in _SUFFIXES)

@@ -26,8 +26,12 @@ class DepthTrainSettings(TrainSettings):
 def train_depth(settings: DepthTrainSettings) -> None:
     """Train, print the loss and write a checkpoint every few hundred views, and at the end.
 
-    The encoder's batch normalisation keeps its statistics. Raises ConfigError or ModelError if
-    there are no views, or the weights to start from cannot be used.
+    The encoder's batch normalisation keeps its statistics.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no views, or the weights to start from cannot be used.
     """
     start = load_depth_weights(settings.start)
     network = start.network()

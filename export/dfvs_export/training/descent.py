@@ -26,7 +26,10 @@ _WEIGHT_DECAY = 1e-4
 class TrainSettings:
     """What every training run is asked for; see ``dfvs-export train --help``.
 
-    Raises ConfigError if it trains nothing, or its checkpoint lies in no folder or is one.
+    Raises
+    ------
+    ConfigError
+        If it trains nothing, or its checkpoint lies in no folder or is one.
     """
 
     pairs: Path

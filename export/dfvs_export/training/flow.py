@@ -51,8 +51,10 @@ class FlowTrainSettings(TrainSettings):
 def train(settings: FlowTrainSettings) -> None:
     """Train, print the loss and write a checkpoint every few hundred pairs, and at the end.
 
-    Raises ConfigError or ModelError if there are no pairs, or the weights to start from cannot be
-    used.
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no pairs, or the weights to start from cannot be used.
     """
     run = _Run(settings, load_weights(settings.start))
     descend(

@@ -51,8 +51,12 @@ class PoseTrainSettings(TrainSettings):
 def train_pose(settings: PoseTrainSettings) -> None:
     """Train, write a checkpoint every 200 steps, and at the end.
 
-    The encoder of ImageNet keeps its first blocks and the statistics of its normalisation. Raises
-    ConfigError or ModelError if there are no pairs, or the weights to start from cannot be used.
+    The encoder of ImageNet keeps its first blocks and the statistics of its normalisation.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no pairs, or the weights to start from cannot be used.
     """
     start = starting_weights(settings.network, settings.start)
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]

@@ -65,7 +65,10 @@ class TrueMatches:
 class RoomReader:
     """Draws from the rooms that ``dfvs-rooms pairs --format wide`` wrote to a folder, a file each.
 
-    Raises ConfigError if there are none.
+    Raises
+    ------
+    ConfigError
+        If there are none.
     """
 
     def __init__(self, folder: Path, seed: int) -> None:
@@ -78,7 +81,10 @@ class RoomReader:
     def _draw_pair(self) -> tuple[dict[str, Any], int]:
         """Arrays of a room, and the index of one of its pairs.
 
-        Raises ConfigError if its file cannot be read, or holds no pair.
+        Raises
+        ------
+        ConfigError
+            If its file cannot be read, or holds no pair.
         """
         path = self._files[self._rng.integers(len(self._files))]
         if path not in self._kept:

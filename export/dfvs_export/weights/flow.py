@@ -37,7 +37,10 @@ class Weights(Checkpoint):
     def networks(self, size: tuple[int, int], count: int) -> tuple[XFeat, LighterGlue]:
         """Encoder and matcher for images of ``size`` (width, height) with ``count`` keypoints.
 
-        Raises ModelError if the weights do not fit.
+        Raises
+        ------
+        ModelError
+            If the weights do not fit.
         """
         encoder, matcher = XFeat(count), LighterGlue(size)
         for network, state in ((encoder, self.encoder), (matcher, self.matcher)):
@@ -48,8 +51,10 @@ class Weights(Checkpoint):
 def load_weights(path: Path | None) -> Weights:
     """Weights of a checkpoint or of the published wheel; without a path the shipped ones.
 
-    Raises ModelError if the file is missing, is not what it should be, or holds anything but plain
-    data.
+    Raises
+    ------
+    ModelError
+        If the file is missing, is not what it should be, or holds anything but plain data.
     """
     path = path or SHIPPED
     if path.suffix == ".whl" and path.is_file():

@@ -21,7 +21,10 @@ NETWORKS: Mapping[str, type[PoseNet]] = {"saxena": StackedNet, "bateux": Siamese
 class TrainedPose(Checkpoint):
     """State of one of ``NETWORKS``; ``origin`` is one line, ``training`` a paragraph for the card.
 
-    Raises ModelError if there is no such network.
+    Raises
+    ------
+    ModelError
+        If there is no such network.
     """
 
     name: str
@@ -35,7 +38,13 @@ class TrainedPose(Checkpoint):
             raise ModelError(f"weights of {self.name!r}", f"of one of {', '.join(NETWORKS)}")
 
     def network(self) -> PoseNet:
-        """The network, for inference; ModelError if the weights do not fit."""
+        """The network, for inference.
+
+        Raises
+        ------
+        ModelError
+            If the weights do not fit.
+        """
         network = NETWORKS[self.name]()
         fill(network, self.state, "the weights do not fit", f"weights of {self.name}")
         return network.eval()
@@ -74,7 +83,9 @@ def starting_weights(name: str, path: Path | None) -> TrainedPose:
 def load_pose_weights(path: Path) -> TrainedPose:
     """Weights of a checkpoint.
 
-    Raises ModelError if the file is missing, is not what it should be, or holds anything but plain
-    data.
+    Raises
+    ------
+    ModelError
+        If the file is missing, is not what it should be, or holds anything but plain data.
     """
     return read_checkpoint(path, TrainedPose, "a checkpoint of dfvs-export train-pose")

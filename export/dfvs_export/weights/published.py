@@ -86,7 +86,10 @@ def _download(known: dict[str, str], name: str) -> bytes:
 def read_state(data: bytes, name: str) -> dict[str, Tensor]:
     """Weights of a checkpoint (``.safetensors``, or torch's own kind) as plain tensors.
 
-    Raises ModelError if it holds anything but plain data, or no weights.
+    Raises
+    ------
+    ModelError
+        If it holds anything but plain data, or no weights.
     """
     try:
         if name.endswith(_SAFETENSORS):

@@ -145,7 +145,10 @@ def measure_answers(
 ) -> tuple[Try, ...]:
     """Try hold and abort so often in every state, with every core busy.
 
-    Raises HarnessError if a state cannot be reached.
+    Raises
+    ------
+    HarnessError
+        If a state cannot be reached.
     """
     commander = Commander(harness)
     tries: list[Try] = []
@@ -184,7 +187,10 @@ def planned_actions(state: GateState, count: int) -> list[Action]:
 def measure_state_rate(harness: Harness, seconds: float) -> StateRate:
     """Rate and largest gap of the state in PREFLIGHT, the goal out of view, every core busy.
 
-    Raises HarnessError if perception does not search.
+    Raises
+    ------
+    HarnessError
+        If perception does not search.
     """
     arrivals: list[int] = []
     frames: list[dict[str, Any]] = []

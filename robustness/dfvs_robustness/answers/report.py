@@ -29,7 +29,10 @@ _HEADS = (
 def read_answers(path: Path) -> dict[str, Any]:
     """Results that ``dfvs-robustness answers --json`` wrote.
 
-    Raises ConfigError if the file cannot be read or holds something else.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or holds something else.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

@@ -84,7 +84,10 @@ def run(args: argparse.Namespace) -> int:
 def figures(mission: Mission, minutes: float, ended: str) -> dict[str, Any]:
     """What is written as JSON; plots go beside it.
 
-    Raises ConfigError if there are too few samples to tell anything.
+    Raises
+    ------
+    ConfigError
+        If there are too few samples to tell anything.
     """
     samples = [] if mission.sampler is None else mission.sampler.samples
     try:

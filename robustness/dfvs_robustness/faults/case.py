@@ -28,7 +28,10 @@ _LATE_S = 3.0
 def run_case(harness: Harness, fault: Fault, state: GateState, seed: int) -> Outcome:
     """Bring the gate to the state, let the fault happen, and judge.
 
-    Raises HarnessError if the state cannot be reached, or the machine was too busy for a verdict.
+    Raises
+    ------
+    HarnessError
+        If the state cannot be reached, or the machine was too busy for a verdict.
     """
     rng = np.random.default_rng([seed, zlib.crc32(fault.name.encode()), list(S).index(state)])
     harness.places = rng

@@ -35,7 +35,10 @@ _CASES_PER_HARNESS = 30
 def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
     """Cases of the chosen faults (all where none is named), seed by seed.
 
-    Raises ConfigError if a fault or state is not known.
+    Raises
+    ------
+    ConfigError
+        If a fault or state is not known.
     """
     faults = all_faults()
     for name in only:

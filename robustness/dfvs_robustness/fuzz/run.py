@@ -65,7 +65,10 @@ class Target(Generic[T, E]):
     def write(self, finding: Finding[E], path: Path) -> None:
         """Write a finding; NaN and infinity are kept, as Python's JSON knows them.
 
-        Raises ConfigError if the file cannot be written.
+        Raises
+        ------
+        ConfigError
+            If the file cannot be written.
         """
         head = {"format": self.format, "rule": finding.rule, "text": finding.text}
         text = json.dumps(head | self.dump(finding.episode), indent=1) + "\n"

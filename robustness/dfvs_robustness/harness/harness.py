@@ -139,8 +139,12 @@ class Harness:
     def start_service(self, *, silent_vehicle: bool = False) -> None:
         """Start a fresh service and wait for its state.
 
-        With ``silent_vehicle`` it receives nothing of the vehicle until the repair. Raises
-        HarnessError if it does not come up.
+        With ``silent_vehicle`` it receives nothing of the vehicle until the repair.
+
+        Raises
+        ------
+        HarnessError
+            If it does not come up.
         """
         self.stop_service()
         self.runs += 1
@@ -184,14 +188,26 @@ class Harness:
             self.start_service()
 
     def await_state(self, *states: GateState, timeout_s: float = STATE_S) -> None:
-        """Wait for one of the states; HarnessError if it is not reached in time."""
+        """Wait for one of the states.
+
+        Raises
+        ------
+        HarnessError
+            If it is not reached in time.
+        """
         if not wait_until(lambda: self.state in states, timeout_s):
             cause = self.operator.status.get("cause", "")
             wanted = " or ".join(states)
             raise HarnessError(f"the gate is in {self.state} ({cause}), not in {wanted}")
 
     def await_goal_in_view(self) -> None:
-        """Wait until perception has used a frame of now; HarnessError if it does not."""
+        """Wait until perception has used a frame of now.
+
+        Raises
+        ------
+        HarnessError
+            If it does not.
+        """
         since_ns = time.monotonic_ns()
         if not wait_until(lambda: self.operator.seen_ns >= since_ns, STATE_S):
             raise HarnessError(f"perception uses no frame in {self.state}")

@@ -173,7 +173,10 @@ class Operator:
     def command(self, action: Action) -> str:
         """Give a signed command; returns the service's answer.
 
-        Raises HarnessError if it does not answer.
+        Raises
+        ------
+        HarnessError
+            If it does not answer.
         """
         command = self.signed(action)
         count = self.status["command_count"]
@@ -185,7 +188,10 @@ class Operator:
     def signed(self, action: Action) -> bytes:
         """Bytes of a command with the challenge of a state that is published from now on.
 
-        Raises HarnessError if there is none.
+        Raises
+        ------
+        HarnessError
+            If there is none.
         """
         since_ns = time.monotonic_ns()
         if not self._await(lambda s: bool(s.get("challenge")) and s["t_ns"] > since_ns):

@@ -19,7 +19,10 @@ _FRAMES_S = 0.3
 def reach_state(harness: Harness, state: GateState) -> None:
     """Repair the environment and bring the gate to a state.
 
-    Raises HarnessError if it does not get there.
+    Raises
+    ------
+    HarnessError
+        If it does not get there.
     """
     harness.repair()
     harness.ensure_service()

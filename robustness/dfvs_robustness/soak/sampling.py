@@ -61,7 +61,13 @@ class Sampler:
                 return
 
     def sample(self) -> None:
-        """Take one sample of every process; psutil.NoSuchProcess if one of them has ended."""
+        """Take one sample of every process.
+
+        Raises
+        ------
+        psutil.NoSuchProcess
+            If one of them has ended.
+        """
         t_s = time.monotonic() - self._began_s
         for process in (self._parent, *self._parent.children(recursive=True)):
             known = self._known.setdefault(process.pid, process)
@@ -88,7 +94,10 @@ class Sampler:
 def own_memory_mb(pid: int) -> float:
     """Resident memory of a process that no file stands behind, MB.
 
-    Raises psutil.NoSuchProcess if the process has ended.
+    Raises
+    ------
+    psutil.NoSuchProcess
+        If the process has ended.
     """
     try:
         lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()

@@ -54,7 +54,10 @@ class ProcessVerdict:
 def judge(samples: list[Sample]) -> list[ProcessVerdict]:
     """Judge every process by what it was after warming up.
 
-    Raises ValueError if there are too few samples.
+    Raises
+    ------
+    ValueError
+        If there are too few samples.
     """
     last_s = max(s.t_s for s in samples)
     warm_s = min(WARM_UP_SHARE * last_s, LONGEST_WARM_UP_S)
@@ -115,7 +118,11 @@ def robust_slope(t: FloatArray, y: FloatArray) -> Slope:
 
     Neighbouring samples of a process's memory are nearly the same number, so that as many samples
     do not count as much evidence: the series is cut into up to 24 blocks of equal time first.
-    Raises ValueError if there are fewer than 4 samples, or different blocks.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 4 samples, or different blocks.
     """
     block = np.minimum((t - t[0]) / (t[-1] - t[0]) * _BLOCKS, _BLOCKS - 1).astype(int)
     filled = np.unique(block)

@@ -70,7 +70,10 @@ WALLS = ("wall", "bricks", "stone", "stucco", "wallpaper", "blockwork", "wainsco
 def natural_materials(names: Iterable[str], rng: np.random.Generator) -> dict[str, Material]:
     """Draw a palette and the named materials in it; the generator decides.
 
-    Raises KeyError if a name is of no known kind.
+    Raises
+    ------
+    KeyError
+        If a name is of no known kind.
     """
     palette = PALETTES[int(rng.integers(len(PALETTES)))]
 

@@ -95,7 +95,10 @@ _M2_PER_LAMP = 9.0
 def drawn_interior(seed: int, kind: str | None = None) -> Room:
     """Draw an interior; the seed alone decides, also on its kind where none is given.
 
-    Raises ConfigError if there is no such kind.
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
     """
     if kind is not None and kind not in KINDS:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(KINDS)}")

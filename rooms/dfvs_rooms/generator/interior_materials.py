@@ -23,7 +23,10 @@ FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "s
 def interior_materials(names: Iterable[str], rng: np.random.Generator) -> dict[str, Material]:
     """Draw the named materials; a name's kind says how, the generator what comes of it.
 
-    Raises KeyError if a name is of no known kind.
+    Raises
+    ------
+    KeyError
+        If a name is of no known kind.
     """
     return drawn_materials(names, rng, lambda kind, stream: RECIPES[kind](stream), FULL_SIZE)
 

@@ -21,7 +21,10 @@ _SMOOTHING_ROUNDS, _SMOOTHING_CONTRAST = 5, 0.10
 def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
     """Compute the light of a room and return it as a scene.
 
-    Raises BakeError if Mitsuba is not installed.
+    Raises
+    ------
+    BakeError
+        If Mitsuba is not installed.
     """
     return lit_scene(room, measure_irradiance(room, settings, progress))
 

@@ -60,7 +60,10 @@ class BakeSettings:
 def load_mitsuba() -> Any:
     """Mitsuba with its scalar variant, which needs nothing beside its wheel.
 
-    Raises BakeError if it is not installed.
+    Raises
+    ------
+    BakeError
+        If it is not installed.
     """
     try:
         mi = importlib.import_module("mitsuba")
@@ -76,8 +79,12 @@ def load_mitsuba() -> Any:
 def measure_irradiance(room: Room, settings: BakeSettings, progress: Progress) -> list[FloatArray]:
     """Irradiance (N, 3) at the vertices of each of a room's parts, as it was sampled.
 
-    Sheets get the mean of both sides, things that shine nothing. Raises BakeError if Mitsuba is not
-    installed.
+    Sheets get the mean of both sides, things that shine nothing.
+
+    Raises
+    ------
+    BakeError
+        If Mitsuba is not installed.
     """
     mi = load_mitsuba()
     with tempfile.TemporaryDirectory() as folder:

@@ -74,7 +74,10 @@ class PairSampler:
     def evaluation_pair(self, level: str, rng: np.random.Generator) -> ViewPair:
         """Draw places, looks and motions of a level until a pair is good to evaluate on.
 
-        Raises SceneError if none was found.
+        Raises
+        ------
+        SceneError
+            If none was found.
         """
         for _ in range(_PLACES_TRIED):
             place = rng.uniform(self._low, self._high)
@@ -143,7 +146,10 @@ def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Array
 def write_arrays(path: Path, arrays: Arrays) -> None:
     """Write an ``.npz`` and put it in place whole, so that a reader never sees half of it.
 
-    Raises ConfigError if it cannot be written.
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
     """
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **arrays)

@@ -51,7 +51,10 @@ REPETITIVE_KINDS = tuple(sorted(REPETITIVE_PLACES))
 def room_of_kind(kind: str, seed: int) -> Room:
     """Make a room of a kind, without light; the seed alone decides.
 
-    Raises ConfigError if there is no such kind.
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
     """
     kinds = ROOM_KINDS + REPETITIVE_KINDS
     if kind not in kinds:

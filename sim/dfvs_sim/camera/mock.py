@@ -88,7 +88,10 @@ class MockCamera:
     def capture(self, t_ns: int) -> None:
         """Render the image of time t_ns, not before it, and publish it, if the pose is known.
 
-        Raises ImageError if the frame is too large for a message.
+        Raises
+        ------
+        ImageError
+            If the frame is too large for a message.
         """
         begun_ns = time.monotonic_ns()
         T_scene_camera = self._poses(t_ns)

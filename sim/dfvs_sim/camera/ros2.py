@@ -53,7 +53,10 @@ class Ros2CameraConfig:
 class Ros2Camera:
     """Takes the mock camera's frames and publishes them as ROS 2 messages.
 
-    Raises ConfigError if rosbags is not installed.
+    Raises
+    ------
+    ConfigError
+        If rosbags is not installed.
     """
 
     def __init__(self, session: zenoh.Session, config: Ros2CameraConfig) -> None:

@@ -77,7 +77,10 @@ def run(args: argparse.Namespace) -> int:
 def parse(words: Sequence[str]) -> Callable[[Pilot], None]:
     """Action of a word with what belongs to it.
 
-    Raises ConfigError if there is no such word, or if it takes no number or another one.
+    Raises
+    ------
+    ConfigError
+        If there is no such word, or if it takes no number or another one.
     """
     name, *rest = words
     actions: dict[str, Callable[[Pilot], None]] = {
@@ -98,7 +101,10 @@ def parse(words: Sequence[str]) -> Callable[[Pilot], None]:
 def execute(pilot: Pilot, words: Sequence[str]) -> None:
     """Do what one line of words says, and print what has become of the vehicle.
 
-    Raises DfvsError if the words are not known, or if the vehicle did not do it.
+    Raises
+    ------
+    DfvsError
+        If the words are not known, or if the vehicle did not do it.
     """
     parse(words)(pilot)
     mode = pilot.mode()

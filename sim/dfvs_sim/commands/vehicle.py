@@ -92,7 +92,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def config_from_args(args: argparse.Namespace) -> ProcessConfig:
-    """Options to configuration; ConfigError if a list of numbers or a grade cannot be read."""
+    """Options to configuration.
+
+    Raises
+    ------
+    ConfigError
+        If a list of numbers or a grade cannot be read.
+    """
     for old in _REPLACED:
         if getattr(args, old.removeprefix("--").replace("-", "_"), None) is not None:
             raise ConfigError(f"{old} is not an option", f"--estimate {grade_names(EstimateGrade)}")

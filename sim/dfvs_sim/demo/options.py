@@ -19,7 +19,10 @@ USUAL_ESTIMATE = EstimateGrade.MEDIUM.value
 class Conditions:
     """Grade of the state estimate and wind, as ``dfvs-sim vehicle`` takes them.
 
-    Raises ConfigError if there is no such grade or wind.
+    Raises
+    ------
+    ConfigError
+        If there is no such grade or wind.
     """
 
     estimate: str = EstimateGrade.PERFECT.value
@@ -100,7 +103,10 @@ def add_condition_options(parser: argparse.ArgumentParser) -> None:
 def conditions_from(args: argparse.Namespace) -> Conditions:
     """Conditions of ``--estimate`` and ``--wind``.
 
-    Raises ConfigError if there is no such grade or wind.
+    Raises
+    ------
+    ConfigError
+        If there is no such grade or wind.
     """
     return Conditions(args.estimate or USUAL_ESTIMATE, args.wind or Conditions().wind)
 

@@ -96,7 +96,10 @@ def make_plan(
 ) -> FlightPlan:
     """Plan a flight between given poses, or between poses drawn from the seed.
 
-    Raises ConfigError if only one of the two poses is given.
+    Raises
+    ------
+    ConfigError
+        If only one of the two poses is given.
     """
     if (start is None) != (not goals):
         missing = "--start" if start is None else "--goal"

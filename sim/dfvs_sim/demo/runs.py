@@ -56,7 +56,10 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
 def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
     """Fly one seed after the other; of several flights, one that cannot be flown ends no other.
 
-    Raises DfvsError if a single flight cannot be brought up, or none of several ever could.
+    Raises
+    ------
+    DfvsError
+        If a single flight cannot be brought up, or none of several ever could.
     """
     is_size_open = args.size == AUTO
     if is_size_open:

@@ -64,7 +64,10 @@ class EstimateErrors:
     def __post_init__(self) -> None:
         """Refuse what is no size of an error.
 
-        Raises ConfigError if a deviation is negative or a time not positive.
+        Raises
+        ------
+        ConfigError
+            If a deviation is negative or a time not positive.
         """
         for name in (field.name for field in fields(self)):
             value = getattr(self, name)

@@ -160,8 +160,10 @@ class GroundLink:
     def wait_for_vehicle(self, timeout_s: float) -> None:
         """Wait for the vehicle's heartbeat, and for those of others where no id tells ours.
 
-        Raises LinkError if it does not come within the timeout, or if several vehicles could be
-        ours.
+        Raises
+        ------
+        LinkError
+            If it does not come within the timeout, or if several vehicles could be ours.
         """
         autopilots = self._autopilots
         with self._changed:
@@ -194,7 +196,11 @@ class GroundLink:
         """Send COMMAND_LONG, again if unanswered, and give the final ack's MAV_RESULT.
 
         PX4 acknowledges DO_SET_MODE twice, at once and with the true result: the last one counts.
-        Raises LinkError if no ack comes.
+
+        Raises
+        ------
+        LinkError
+            If no ack comes.
         """
         padded = [*params, *[0.0] * (7 - len(params))]
         acks: list[int] = []

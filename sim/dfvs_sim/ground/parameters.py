@@ -14,7 +14,10 @@ _REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
 def get_parameter(link: GroundLink, name: str) -> int | float:
     """Value of a parameter, an int or a float as PX4 holds it.
 
-    Raises LinkError if the vehicle stays silent, as PX4 does for an unknown name.
+    Raises
+    ------
+    LinkError
+        If the vehicle stays silent, as PX4 does for an unknown name.
     """
     request = mavlink.MAVLink_param_request_read_message(link.target, 1, name.encode(), -1)
     return _exchange(link, name, request)
@@ -23,7 +26,10 @@ def get_parameter(link: GroundLink, name: str) -> int | float:
 def set_parameter(link: GroundLink, name: str, value: float) -> None:
     """Write a parameter in its own type, and check what the vehicle took.
 
-    Raises LinkError if the vehicle stays silent or keeps another value.
+    Raises
+    ------
+    LinkError
+        If the vehicle stays silent or keeps another value.
     """
     integer = isinstance(get_parameter(link, name), int)
     wire = struct.unpack("<f", struct.pack("<i" if integer else "<f", value))[0]

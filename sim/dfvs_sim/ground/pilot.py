@@ -84,7 +84,13 @@ class Pilot:
             self._log(f"the pilot changes {' and '.join(changed)}")
 
     def wait_until_armable(self) -> None:
-        """Wait for the checks before arming; PilotError if they do not pass in time."""
+        """Wait for the checks before arming.
+
+        Raises
+        ------
+        PilotError
+            If they do not pass in time.
+        """
         self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
         ready = self._link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed)
@@ -96,7 +102,10 @@ class Pilot:
     def arm(self) -> None:
         """Arm in Hold; a refusal for the moment is asked again for ``arming_s``.
 
-        Raises PilotError if the vehicle refuses.
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses.
         """
         self._select_arming_mode()
         command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
@@ -118,8 +127,12 @@ class Pilot:
     def take_off(self, height_m: float) -> None:
         """Arm if need be, climb so far from here, and wait until at rest there.
 
-        PX4's home may be that of an earlier flight, since when the estimate has wandered. Raises
-        PilotError if the vehicle refuses or does not arrive.
+        PX4's home may be that of an earlier flight, since when the estimate has wandered.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses or does not arrive.
         """
         if not self.armed():
             self.arm()
@@ -141,8 +154,12 @@ class Pilot:
     def wait_until_hovering(self, down_m: float | None = None) -> None:
         """Wait until the vehicle is at rest, at a local z where one is given.
 
-        A vehicle whose estimate shows slow motion for the whole of ``hover_s`` passes too. Raises
-        PilotError if it moves faster, or is at another height.
+        A vehicle whose estimate shows slow motion for the whole of ``hover_s`` passes too.
+
+        Raises
+        ------
+        PilotError
+            If it moves faster, or is at another height.
         """
         rest = RestDetector(down_m)
         deadline = time.monotonic() + self._hover_s
@@ -169,7 +186,10 @@ class Pilot:
     def set_mode(self, mode: Mode) -> None:
         """Switch the mode and wait for the heartbeat that shows it.
 
-        Raises PilotError if the vehicle refuses or does not follow.
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses or does not follow.
         """
         main, sub = mode.value
         what = f"switching to {mode.name}"
@@ -179,7 +199,10 @@ class Pilot:
     def land(self) -> None:
         """Land and wait until the vehicle has disarmed itself.
 
-        Raises PilotError if it does not in time.
+        Raises
+        ------
+        PilotError
+            If it does not in time.
         """
         self.set_mode(Mode.LAND)
         self._confirm("landing", lambda m: not m.base_mode & _ARMED, _LANDING_S)

@@ -95,7 +95,10 @@ class PoseTracker:
     def start(self, timeout_s: float = 10.0) -> None:
         """Ask for the streams and wait for the first pose.
 
-        Raises LinkError if the vehicle does not answer or sends no pose.
+        Raises
+        ------
+        LinkError
+            If the vehicle does not answer or sends no pose.
         """
         self._link.wait_for_vehicle(timeout_s)
         for name in (_PLACE, _ATTITUDE):
@@ -114,7 +117,10 @@ class PoseTracker:
     def require_truth(self) -> None:
         """Refuse a vehicle that is not known to be a simulated one.
 
-        Raises LinkError if it sends no true pose.
+        Raises
+        ------
+        LinkError
+            If it sends no true pose.
         """
         if self._truth is None:
             raise LinkError(

@@ -25,7 +25,12 @@ class LinkSharing:
 
     An autopilot answers one ground station on each of its UDP ports: the others join here, with
     ``udpout://127.0.0.1:PORT`` (0 for any). A ground station is known from its first message on.
-    The link is shared and not owned. Raises ConfigError if the port is taken.
+    The link is shared and not owned.
+
+    Raises
+    ------
+    ConfigError
+        If the port is taken.
     """
 
     def __init__(self, link: GroundLink, port: int = DEFAULT_PORT) -> None:

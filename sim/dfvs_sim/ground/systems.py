@@ -78,8 +78,12 @@ def is_autopilot_heartbeat(message: Any) -> bool:
 def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:
     """Ids of the autopilots that send to a port (``udpin``); nothing is sent.
 
-    Waits ``timeout_s`` for the first heartbeat, and listens for ``HEARTBEATS_S`` after it. Raises
-    ConfigError if the port is taken.
+    Waits ``timeout_s`` for the first heartbeat, and listens for ``HEARTBEATS_S`` after it.
+
+    Raises
+    ------
+    ConfigError
+        If the port is taken.
     """
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True

@@ -26,7 +26,10 @@ class Endpoint:
     def from_url(cls, url: str) -> Endpoint:
         """Read ``udpin://HOST:PORT`` or ``udpout://HOST:PORT``.
 
-        Raises ConfigError if the URL has another form.
+        Raises
+        ------
+        ConfigError
+            If the URL has another form.
         """
         match = _URL.fullmatch(url)
         if match is None or int(match[3]) > 65535:
@@ -36,8 +39,12 @@ class Endpoint:
     def open(self) -> socket.socket:
         """Socket for this endpoint.
 
-        That of ``udpout`` sends from the same port every time, where nobody else does. Raises
-        ConfigError if the address cannot be used.
+        That of ``udpout`` sends from the same port every time, where nobody else does.
+
+        Raises
+        ------
+        ConfigError
+            If the address cannot be used.
         """
         if not self.listens:
             self._find_host()

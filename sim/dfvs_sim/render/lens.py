@@ -29,8 +29,11 @@ class Lens:
 def lens_of(camera: CameraModel) -> Lens:
     """Work out the pinhole image behind a distorted camera (kept for the next frame).
 
-    Raises GeometryError if the distortion cannot be inverted all over the image, or reaches beyond
-    70 degrees from the optical axis.
+    Raises
+    ------
+    GeometryError
+        If the distortion cannot be inverted all over the image, or reaches beyond 70 degrees
+        from the optical axis.
     """
     pixels = camera.grid()
     xy = camera.normalise(pixels)

@@ -53,8 +53,12 @@ class Renderer:
         """Render one frame from ``T_world_camera`` (4, 4), the pose of the optical frame in NED.
 
         A distorted camera is rendered as a pinhole and remapped. With ``antialias`` the colour has
-        four coverage samples a pixel; depth stays that of the pixel's centre. Raises GeometryError
-        if the pose is not a rigid motion, or the camera sees too wide for a pinhole.
+        four coverage samples a pixel; depth stays that of the pixel's centre.
+
+        Raises
+        ------
+        GeometryError
+            If the pose is not a rigid motion, or the camera sees too wide for a pinhole.
         """
         T_world_camera = check_pose(T_world_camera, "T_world_camera")
         if camera.distortion:

@@ -53,8 +53,11 @@ class _Part:
 def load_glb(path: str | Path) -> Scene:
     """Read a GLB file as a scene in NED.
 
-    Raises GlbError if the file cannot be read, is not a binary glTF 2.0, needs an extension that is
-    not supported (Draco, for example), is damaged, or has no triangles.
+    Raises
+    ------
+    GlbError
+        If the file cannot be read, is not a binary glTF 2.0, needs an extension that is not
+        supported (Draco, for example), is damaged, or has no triangles.
     """
     path = Path(path)
     try:

@@ -26,7 +26,13 @@ class Document:
 
 
 def read_view(document: Document, index: int) -> bytes:
-    """Bytes of one buffer view; ValueError if it does not lie inside the file."""
+    """Bytes of one buffer view.
+
+    Raises
+    ------
+    ValueError
+        If it does not lie inside the file.
+    """
     view = document.json["bufferViews"][index]
     if view["buffer"] != 0 or "uri" in document.json["buffers"][0]:
         raise ValueError("data outside the file")

@@ -36,7 +36,10 @@ class ProcessConfig:
 def run_vehicle(config: ProcessConfig, stop: Callable[[], bool]) -> None:
     """Fly until ``stop`` says so.
 
-    Raises ConfigError if a port is taken or the record cannot be written.
+    Raises
+    ------
+    ConfigError
+        If a port is taken or the record cannot be written.
     """
     system_id = config.vehicle.system_id
     with contextlib.ExitStack() as stack:

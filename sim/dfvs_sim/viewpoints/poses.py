@@ -30,8 +30,12 @@ def camera_pose(
 def look_at(eye_gltf: ArrayLike, target_gltf: ArrayLike) -> FloatArray:
     """``T_world_camera`` (4, 4) in NED of a camera at eye that looks at target, its top upwards.
 
-    Both points (3,) are in the scene file's axes: x right, y up, m. Raises GeometryError if the
-    points coincide, or one lies straight above the other.
+    Both points (3,) are in the scene file's axes: x right, y up, m.
+
+    Raises
+    ------
+    GeometryError
+        If the points coincide, or one lies straight above the other.
     """
     eye, target = ned_from_gltf(np.asarray(eye_gltf)), ned_from_gltf(np.asarray(target_gltf))
     forward = target - eye

@@ -57,7 +57,10 @@ def sample_task(
 ) -> Task:
     """Draw a flight in free space between two views that have texture and overlap.
 
-    Raises SceneError if none was found: the scene is too small, too crowded or too plain.
+    Raises
+    ------
+    SceneError
+        If none was found: the scene is too small, too crowded or too plain.
     """
     limits = limits or TaskLimits()
     checker = _Checker(renderer, camera, limits)
@@ -155,8 +158,12 @@ class _Checker:
 def floor_of(scene: Scene) -> tuple[float, FloatArray, FloatArray]:
     """Level of a scene's floor (down, m), and the lowest and highest (north, east) of it.
 
-    The floor is the lowest level that has at least half the area of the largest one. Raises
-    SceneError if nothing in the scene is level.
+    The floor is the lowest level that has at least half the area of the largest one.
+
+    Raises
+    ------
+    SceneError
+        If nothing in the scene is level.
     """
     corners = scene.vertices[scene.triangles].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -53,7 +53,10 @@ class CommandChecker:
     ) -> None:
         """Judge what became of a sending that arrived while ``challenge`` was published.
 
-        Raises InvariantError if it must not have.
+        Raises
+        ------
+        InvariantError
+            If it must not have.
         """
         self._count += 1
         if self._count % _MEASURE_EVERY == 0:

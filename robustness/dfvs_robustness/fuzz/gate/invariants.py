@@ -57,7 +57,10 @@ class InvariantChecker:
     ) -> None:
         """Judge one step of the gate by its inputs, its output and the state it is in now.
 
-        Raises InvariantError if an invariant does not hold.
+        Raises
+        ------
+        InvariantError
+            If an invariant does not hold.
         """
         now_ns = max(t_ns, self._stepped_ns)
         self.oracle.on_event(now_ns, t_ns - self._stepped_ns, events)

@@ -29,8 +29,12 @@ def engagement_of(words: Sequence[str]) -> Engagement:
     """Read who engages from words for ``dfvs-service``, as it reads them itself.
 
     ``--engage`` counts before ``--set gate.engage=...``, and that before a settings file. Words
-    that the service will refuse are left to it. Raises ConfigError if the service would never
-    engage.
+    that the service will refuse are left to it.
+
+    Raises
+    ------
+    ConfigError
+        If the service would never engage.
     """
     options = list(option_values(words, "--engage"))
     settings = [

@@ -62,7 +62,12 @@ class Flight:
     """Everything that one flight needs, from an empty folder to a log.
 
     The folder exists, and takes goal, logs and records; ``log`` takes one line for the user at
-    every step. Raises ConfigError if the service would never engage with these words.
+    every step.
+
+    Raises
+    ------
+    ConfigError
+        If the service would never engage with these words.
     """
 
     def __init__(self, plan: FlightPlan, options: FlightOptions, folder: Path, log: Log) -> None:

@@ -39,7 +39,10 @@ class FlightPorts:
     def choose(cls) -> FlightPorts:
         """Ports that are free now and that no other flight has chosen.
 
-        Raises OSError if there are none.
+        Raises
+        ------
+        OSError
+            If there are none.
         """
         wanted = (
             (_ANY, socket.SOCK_DGRAM),
@@ -58,7 +61,13 @@ class FlightPorts:
 
 
 def any_port(kind: socket.SocketKind) -> int:
-    """Port that is free now, for datagrams or for a stream; OSError if there is none."""
+    """Port that is free now, for datagrams or for a stream.
+
+    Raises
+    ------
+    OSError
+        If there is none.
+    """
     port = _free(_ANY, kind)
     if port is None:
         raise OSError("no free port")

@@ -11,9 +11,14 @@ _LISTENED = "udpin:"
 def flown_system_id(options: FlightOptions, timeout_s: float) -> int | None:
     """System id of the vehicle that the service will fly, so that the pilot flies the same one.
 
-    A companion link that is listened on (``udpin``) is read before the service takes it; on another
-    one the id that was given counts, or None. Raises LinkError if the vehicle that was asked for is
-    not on the companion link, or if none was asked for and there is none, or several.
+    A companion link that is listened on (``udpin``) is read before the service takes it; on
+    another one the id that was given counts, or None.
+
+    Raises
+    ------
+    LinkError
+        If the vehicle that was asked for is not on the companion link, or if none was asked for
+        and there is none, or several.
     """
     if options.autopilot is None:
         return options.system_id or FIRST_SYSTEM_ID

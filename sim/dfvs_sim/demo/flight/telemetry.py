@@ -49,7 +49,10 @@ class TelemetryWatch:
     def entered_ns(self, states: frozenset[str]) -> int:
         """When the first of these states was entered (monotonic ns of its arrival).
 
-        Raises ValueError if none of them was.
+        Raises
+        ------
+        ValueError
+            If none of them was.
         """
         with self._changed:
             return min(t_ns for t_ns, state in self.states if state in states)

@@ -39,7 +39,10 @@ class FlightReport:
     def make(self, track: Track) -> tuple[Path, ...]:
         """Make the report; returns the files that it consists of.
 
-        Raises ReportError if none can be made.
+        Raises
+        ------
+        ReportError
+            If none can be made.
         """
         files = sorted(set(self._records.glob("*.mcap")) - self._earlier)
         if not files:
