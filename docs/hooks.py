@@ -158,7 +158,7 @@ def _help(main: Main, words: tuple[str, ...]) -> str:
 
 def faults() -> str:
     """Page of all faults: what detects each, and the reaction with its limit."""
-    from dfvs_robustness.faults.matrix import all_faults
+    from dfvs_robustness.faults.table import all_faults
 
     lines = [_FAULTS, "| fault | in state | seen by | reaction | limit |", "|---|---|---|---|---|"]
     for fault in all_faults().values():

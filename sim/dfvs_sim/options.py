@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
 
 
@@ -21,6 +25,11 @@ def add_scene_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", type=Path, metavar="FILE.glb", help="scene to see (default: the built-in room)"
     )
+
+
+def renderer_from(args: argparse.Namespace) -> Renderer:
+    """Renderer of ``--scene``."""
+    return Renderer(load_glb(args.scene or builtin_room_path()))
 
 
 def add_camera_options(
@@ -63,6 +72,21 @@ def parse_numbers(
         expected = expected or f"{count} numbers separated by commas"
         raise ConfigError(f"{option} is {text!r}", expected, remedy)
     return values
+
+
+def parse_seeds(text: str, option: str, expected: str) -> range:
+    """Seeds A to B of ``A-B``, or the one of ``A``.
+
+    Raises
+    ------
+    ConfigError
+        If the text is neither.
+    """
+    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", text)
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+    if last < first:
+        raise ConfigError(f"{option} is {text!r}", expected)
+    return range(first, last + 1)
 
 
 def parse_camera_pose(text: str, option: str) -> FloatArray:

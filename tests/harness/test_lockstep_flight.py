@@ -47,7 +47,7 @@ def test_a_reset_of_the_heading_on_the_way_up_does_not_keep_from_the_goal(monkey
     def followed(vehicle, setpoint):
         follow(vehicle, setpoint)
         if setpoint != ZERO:
-            resets.append(vehicle.estimate_resets)
+            resets.append(vehicle._px4.flight.estimate.resets)
 
     monkeypatch.setattr(HoveringVehicle, "follow", followed)
     flight = flown(113, hold_s=4.0, timeout_s=40.0, height_m=1.38)

@@ -22,13 +22,6 @@ _MOST_M, _MOST_DEG = 100.0, 180.0
 class Cell:
     """A point of Fig. 6.
 
-    Parameters
-    ----------
-    translation_m : float
-        The largest of the displacements along the goal camera's three axes.
-    rotation_deg : tuple of float
-        About the camera's x, y and z, degrees; the sign of each is drawn.
-
     Raises
     ------
     ConfigError
@@ -36,7 +29,9 @@ class Cell:
     """
 
     translation_m: float
+    """The largest of the displacements along the goal camera's three axes."""
     rotation_deg: tuple[float, float, float]
+    """About the camera's x, y and z, degrees; the sign of each is drawn."""
 
     def __post_init__(self) -> None:
         """Refuse what is no displacement."""

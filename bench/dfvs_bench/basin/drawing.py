@@ -31,29 +31,20 @@ _LEAST_DEPTH_M, _LEAST_FEATURES, _JUDGE_WIDTH_PX = 1.3, 50, 320
 
 @dataclass(frozen=True, slots=True)
 class DrawnTask:
-    """A task of the basin, as it is kept on disk.
-
-    Parameters
-    ----------
-    name, environment : str
-        Of the task, unique in a run, and of its scene.
-    cell : Cell
-        How far the start is from the goal.
-    overlap : float
-        Share of the goal's pixels that the start sees, by exact depth.
-    freely : bool
-        Drawn without looking at the overlap: it counts among "all tasks".
-    start, goal : tuple of float
-        ``T_world_camera`` (4, 4) row by row, NED.
-    """
+    """A task of the basin, as it is kept on disk."""
 
     name: str
     environment: str
+    """Name of its scene, as ``name`` is that of the task, unique in a run."""
     cell: Cell
+    """How far the start is from the goal."""
     overlap: float
+    """Share of the goal's pixels that the start sees, by exact depth."""
     freely: bool
+    """Drawn without looking at the overlap: it counts among "all tasks"."""
     start: tuple[float, ...]
     goal: tuple[float, ...]
+    """Both are ``T_world_camera`` (4, 4) row by row, NED."""
 
     @property
     def overlaps(self) -> bool:
@@ -68,22 +59,14 @@ class DrawnTask:
 
 @dataclass(frozen=True, slots=True)
 class DrawRequest:
-    """What is to be drawn in one environment.
-
-    Parameters
-    ----------
-    environment : Environment
-    cells : tuple of Cell
-    count : int
-        Tasks of every cell, drawn freely; and as many with overlap.
-    seed : int
-        Decides, with the names of environment and cell, on everything.
-    """
+    """What is to be drawn in one environment."""
 
     environment: Environment
     cells: tuple[Cell, ...]
     count: int
+    """Tasks of every cell, drawn freely; and as many with overlap."""
     seed: int
+    """Decides, with the names of environment and cell, on everything."""
 
     def rng(self, *more: int) -> np.random.Generator:
         """Random numbers of this environment, or of one of its cells."""

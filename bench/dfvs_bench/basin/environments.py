@@ -26,24 +26,16 @@ _MOST_EMPTY = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Environment:
-    """A scene in which tasks are drawn.
-
-    Parameters
-    ----------
-    name : str
-        Unique among those of a batch.
-    scene : Path
-        GLB file.
-    camera : CameraModel
-        Intrinsics of all views.
-    most_empty : float
-        Share of a goal image, at most, that may show no surface: the sky, or a scan's holes.
-    """
+    """A scene in which tasks are drawn."""
 
     name: str
+    """Unique among those of a batch."""
     scene: Path
+    """GLB file."""
     camera: CameraModel
+    """Intrinsics of all views."""
     most_empty: float = 1.0
+    """Share of a goal image, at most, that may show no surface: the sky, or a scan's holes."""
 
 
 def default_environments() -> list[Environment]:

@@ -22,18 +22,7 @@ BASIN_FILE = "basin.json"
 
 @dataclass(frozen=True, slots=True)
 class DrawnEnvironment:
-    """What was drawn in one environment, and all that it was drawn from.
-
-    Parameters
-    ----------
-    name, scene_sha256 : str
-        Environment, and its file.
-    camera : CameraModel
-    cells : tuple of Cell
-    count, seed, version : int
-        As in ``DrawRequest``, and ``DRAWING_VERSION``.
-    tasks : tuple of DrawnTask
-    """
+    """What was drawn in one environment, and all that it was drawn from."""
 
     name: str
     scene_sha256: str
@@ -42,6 +31,7 @@ class DrawnEnvironment:
     count: int
     seed: int
     version: int
+    """``DRAWING_VERSION``; the rest is as in ``DrawRequest``."""
     tasks: tuple[DrawnTask, ...] = ()
 
     @classmethod
@@ -102,14 +92,9 @@ def _draw_named(request: DrawRequest) -> tuple[str, tuple[DrawnTask, ...]]:
 
 
 def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) -> list[Outcome]:
-    """Trials of the tasks that a folder holds, whatever their method; others are counted aloud.
+    """Trials of the tasks that a folder of ``dfvs-bench basin`` holds, whatever their method.
 
-    Parameters
-    ----------
-    folder : Path
-        As ``dfvs-bench basin`` fills it.
-    records : sequence of TrialRecord or None
-        Trials to look among; None reads all that are in the folder.
+    Others are counted aloud. They are looked for among ``records``; None reads all in the folder.
 
     Raises
     ------

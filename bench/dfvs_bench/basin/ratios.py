@@ -22,13 +22,7 @@ Rotation = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A share of successes with its 95 % confidence interval.
-
-    Parameters
-    ----------
-    successes, trials : int
-        Counts; 0 <= successes <= trials.
-    """
+    """A share of successes with its 95 % confidence interval; 0 <= successes <= trials."""
 
     successes: int
     trials: int
@@ -55,23 +49,13 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One line of Fig. 6.
-
-    Parameters
-    ----------
-    method : str
-    rotation_deg : tuple of float
-        Set of rotations.
-    overlapping : bool
-        Over the tasks whose start sees enough of the goal, or else over all that were drawn
-        freely.
-    outcomes : tuple of Outcome
-        Its trials.
-    """
+    """One line of Fig. 6."""
 
     method: str
     rotation_deg: Rotation
     overlapping: bool
+    """Over the tasks whose start sees enough of the goal, or else over all that were drawn freely.
+    """
     outcomes: tuple[Outcome, ...]
 
     @property

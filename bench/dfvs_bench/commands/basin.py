@@ -72,13 +72,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is to be run, print the ratios and write the files; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option, a task or a scene cannot be used.
-    """
+    """Run what is to be run, print the ratios and write the files; exit code 0."""
     _check(args)
     began_s = time.monotonic()
     executor, methods = trial_setup(args, DEFAULT_METHODS, "plot")

@@ -33,13 +33,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Plot; exit code 0.
-
-    Raises
-    ------
-    ConfigError
-        If there are no such trials, or the output cannot be written.
-    """
+    """Plot; exit code 0."""
     file_format = figure_format("--out", args.out)
     require_file("--out", args.out)
     records = [r for r in read_records(args.runs) if (r.task, r.perturbation) == (args.scene, "")]

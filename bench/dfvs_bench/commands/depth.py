@@ -39,13 +39,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print, and write; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If a bundle or a pairs file cannot be used, or the JSON file not be written.
-    """
+    """Measure, print, and write; exit code 0."""
     check_pairs_options(args)
     reports = []
     for name in dict.fromkeys(args.depth_bundle):

@@ -26,8 +26,13 @@ from dfvs_bench.trials.task import BenchTask
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
-from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.options import (
+    FlightOptions,
+    add_autopilot_options,
+    add_condition_options,
+    check_autopilot,
+    conditions_from,
+)
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json
@@ -75,18 +80,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly what is to be flown, print the table and write the files.
-
-    Returns
-    -------
-    int
-        Exit code: 0, or 1 where a flight could not be brought up.
-
-    Raises
-    ------
-    DfvsError
-        If an option, a task or a scene cannot be used.
-    """
+    """Fly what is to be flown, print the table and write; 1 where one could not be brought up."""
     _check(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = [levelled_task(task) for task in tasks_from(args)]
@@ -132,21 +126,18 @@ def _setting(args: argparse.Namespace) -> Setting:
     if args.config is not None:
         service = ("--config", str(args.config.absolute()), *service)
     settings = settings_in_force(service)
-    return Setting(
-        matcher=args.bundle,
-        service=service,
-        limits=velocity_limits(settings),
-        seed=args.seed,
+    options = FlightOptions(
         timeout_s=args.timeout,
         ready_s=args.ready,
-        revision=git_revision(),
-        config=args.config,
-        network=depth_network(settings),
-        conditions=conditions_from(args),
+        system_id=args.system_id,
         autopilot=args.autopilot,
         ground=args.ground,
-        system_id=args.system_id,
+        conditions=conditions_from(args),
+        service=("--set", f"flow.model={args.bundle}", *service),
     )
+    limits, network = velocity_limits(settings), depth_network(settings)
+    own = (args.bundle, service, limits, args.seed, git_revision())
+    return Setting(*own, options, args.config, network)
 
 
 def _kept(folder: Path, tasks: Sequence[BenchTask], setting: Setting) -> dict[str, FlightRecord]:

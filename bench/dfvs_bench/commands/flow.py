@@ -35,19 +35,13 @@ _COLUMNS = "level    pairs   EPE px  <3 px   half px  correlation  sure  wrong  
 
 @dataclass(slots=True)
 class Measured:
-    """Scores of a matcher by file and level, and the time of a match in ms.
-
-    Parameters
-    ----------
-    files : dict
-        Scores by name of the file and level.
-    cold_ms, warm_ms : list of float
-        Preparing and matching two images; matching again with the flow found as the guess.
-    """
+    """Scores of a matcher by file and level, and the time of a match in ms."""
 
     files: dict[str, dict[str, LevelScore]] = field(default_factory=dict)
+    """Scores by name of the file and level."""
     cold_ms: list[float] = field(default_factory=list)
     warm_ms: list[float] = field(default_factory=list)
+    """Matching again with the flow found as the guess; cold is preparing and matching two."""
 
     def report(self, bundle: str) -> dict[str, Any]:
         """Everything as JSON holds it."""
@@ -84,13 +78,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print, and write; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If a bundle or a pairs file cannot be used, or the JSON file not be written.
-    """
+    """Measure, print, and write; exit code 0."""
     check_pairs_options(args)
     bundles = list(dict.fromkeys(args.bundle or [DEFAULT_MATCHER]))
     matchers = {name: load_matcher(name, args.threads) for name in bundles}

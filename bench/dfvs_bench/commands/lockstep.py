@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,8 @@ from dfvs_core.messages.schema import dump
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
-from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.demo.options import add_condition_options, conditions_from
+from dfvs_sim.options import add_scene_option, parse_seeds, write_json
 from dfvs_sim.scene import builtin_room_path
 
 _LIMITS = VelocityLimits()
@@ -85,13 +84,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly, print a line a flight and the summary; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option, the scene or the matcher cannot be used.
-    """
+    """Fly, print a line a flight and the summary; exit code 0."""
     _check_outputs(args)
     jobs = _jobs(args)
     flights: list[SimulatedFlight] = []
@@ -122,17 +115,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
         figure_format("--plot", args.plot)
 
 
-def _seeds(words: str) -> range:
-    """Seeds A to B of ``A-B``, or the one of ``A``."""
-    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
-    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-    if last < first:
-        raise ConfigError(f"--seeds is {words!r}", "a number, or two as in 0-9")
-    return range(first, last + 1)
-
-
 def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
-    seeds = _seeds(args.seeds)
+    seeds = parse_seeds(args.seeds, "--seeds", "a number, or two as in 0-9")
     for name, most in (("hold", 3600.0), ("timeout", 3600.0), ("speed", 5.0), ("slew", 5.0)):
         if not 0 < getattr(args, name) <= most:
             raise ConfigError(f"--{name} is {getattr(args, name):g}", f"above 0, to {most:g}")

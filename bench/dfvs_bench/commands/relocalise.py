@@ -81,13 +81,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print a line a matcher, and write; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option, a scene or a matcher cannot be used.
-    """
+    """Measure, print a line a matcher, and write; exit code 0."""
     _check(args)
     cameras = {
         size: camera_from(argparse.Namespace(size=size, fov=args.fov), "--camera")
@@ -143,13 +137,7 @@ def _check(args: argparse.Namespace) -> None:
 def _draw(
     args: argparse.Namespace, camera: CameraModel, executor: TrialExecutor
 ) -> list[tuple[Environment, tuple[DrawnTask, ...]]]:
-    """Starts in each scene, spread evenly; they do not depend on the camera's size.
-
-    Raises
-    ------
-    ConfigError
-        If none is found.
-    """
+    """Starts in each scene, spread evenly; they do not depend on the camera's size."""
     height = round(_DRAWN_WIDTH_PX * camera.height / camera.width)
     cells = tuple(Cell(t, r) for r in ROTATIONS_DEG[1:] for t in TRANSLATIONS_M)
     each, rest = divmod(args.trials, len(args.scene))

@@ -43,13 +43,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and print; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If the scene or an option cannot be used.
-    """
+    """Measure and print; exit code 0."""
     require_range(args, 2, 100_000, "frames")
     require_file("--json", args.json)
     path = args.scene or builtin_room_path()

@@ -12,7 +12,7 @@ from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.task import BenchTask, same_poses
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_ending, require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
@@ -54,15 +54,8 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the page; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If there are no trials of these tasks, or the output cannot be written.
-    """
-    if args.out.suffix.lower() != ".html":
-        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html")
+    """Write the page; exit code 0."""
+    require_ending("--out", args.out, ".html")
     require_file("--out", args.out)
     contents = _contents(args)
     page = report_page(contents, log)

@@ -65,13 +65,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is to be run, print the tables and write the files; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option, a task or a scene cannot be used.
-    """
+    """Run what is to be run, print the tables and write the files; exit code 0."""
     executor, methods = trial_setup(args, DEFAULT_METHODS)
     tasks = tasks_from(args)
     perturbations = parse_perturbations(args.perturb) if args.perturb is not None else []

@@ -30,17 +30,7 @@ class TimeBound:
 def straight_line_bound(
     displacement_m: FloatArray, turn_rad: float, limits: VelocityLimits
 ) -> TimeBound:
-    """Time of a straight way from rest to rest, and of a turn, at the limits.
-
-    Parameters
-    ----------
-    displacement_m : (3,)
-        From start to goal, NED.
-    turn_rad : float
-        Change of heading, whichever sign.
-    limits : VelocityLimits
-        Horizontal and vertical speed, yaw rate, and how fast they may change.
-    """
+    """Time of a straight way (3,) from rest to rest (m), and of a turn (rad), at the limits."""
     distance_m = float(np.linalg.norm(displacement_m))
     speed_m_s = _speed_along(displacement_m, limits)
     return TimeBound(

@@ -89,11 +89,11 @@ def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -
         end_cause=end_cause,
         version=version("dfvs"),
         revision=setting.revision,
-        timeout_s=setting.timeout_s,
+        timeout_s=setting.options.timeout_s,
         inputs=input_digest(task, setting.matcher, setting.config, setting.network),
         estimate=setting.options.estimate,
         wind=setting.options.wind,
-        autopilot=setting.autopilot,
+        autopilot=setting.options.autopilot,
     )
 
 

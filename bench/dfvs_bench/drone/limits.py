@@ -15,12 +15,7 @@ _TIMEOUT_S = 60.0
 
 
 def settings_in_force(words: Sequence[str]) -> dict[str, Any]:
-    """All settings of a service with these words, by section and key.
-
-    Parameters
-    ----------
-    words : sequence of str
-        ``--set SECTION.KEY=VALUE`` and ``--config FILE``, as ``dfvs-service`` takes them.
+    """All settings of a service with these ``--set`` and ``--config`` words, by section and key.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Flights on disk: one JSON file each, so that a broken run can be taken up again."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -10,148 +10,82 @@ from dfvs_bench.trials.provenance import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_common.progress import log
 from dfvs_core.gate.limits import VelocityLimits
-from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.results.summary import NOT_READY
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What a run of flights shares.
-
-    Parameters
-    ----------
-    matcher : str
-        Name that ``dfvs-service`` knows it by.
-    service : tuple of str
-        Further words for ``dfvs-service``.
-    limits : VelocityLimits
-        In force with these words.
-    seed : int
-        Noise of camera and vehicle.
-    timeout_s, ready_s : float
-        How long a flight may take, and the service to be ready.
-    revision : str
-        Of the program.
-    config : Path or None
-        Settings file of the service, which ``service`` names too.
-    network : str or None
-        Bundle of the depth network that these words ask for.
-    conditions : Conditions
-        State estimate and wind of the simulated vehicle.
-    autopilot, ground, system_id : str, str and int, or None
-        Of another vehicle; see ``FlightOptions``.
-    """
+    """What a run of flights shares."""
 
     matcher: str
+    """Name that ``dfvs-service`` knows it by."""
     service: tuple[str, ...]
+    """Further words for ``dfvs-service``."""
     limits: VelocityLimits
+    """In force with these words."""
     seed: int
-    timeout_s: float
-    ready_s: float
+    """Noise of camera and vehicle."""
     revision: str
+    options: FlightOptions
+    """Of each flight; they have all words for ``dfvs-service``, the matcher's too."""
     config: Path | None = None
+    """Settings file of the service, which ``service`` names too."""
     network: str | None = None
-    conditions: Conditions = field(default_factory=Conditions)
-    autopilot: str | None = None
-    ground: str | None = None
-    system_id: int | None = None
-
-    @property
-    def options(self) -> FlightOptions:
-        """Options of each flight."""
-        return FlightOptions(
-            timeout_s=self.timeout_s,
-            ready_s=self.ready_s,
-            system_id=self.system_id,
-            autopilot=self.autopilot,
-            ground=self.ground,
-            conditions=self.conditions,
-            service=self.words,
-        )
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """All words for ``dfvs-service``."""
-        return ("--set", f"flow.model={self.matcher}", *self.service)
+    """Bundle of the depth network that these words ask for."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightRecord:
-    """A flight with everything that it depended on; angles in degrees where the name says so.
-
-    Parameters
-    ----------
-    task, difficulty, matcher : str
-    service : tuple of str
-        Words for ``dfvs-service`` beside the matcher.
-    seed : int
-    start, goal : tuple of float
-        Levelled poses (4, 4) row by row, NED, as planned.
-    size : tuple of int
-        Width and height of the images, px.
-    overlap : float
-        Share of the goal's pixels that the planned start sees.
-    limits : VelocityLimits
-    bound : TimeBound
-    initial_translation_m, initial_rotation_deg : float
-        From the true pose at the pilot's switch, as the bound is; as planned without a flight.
-    end_state, end_cause : str
-        The gate's last state and why; ``NOT READY`` where the flight could not be brought up.
-    converged : bool
-        The service says DONE, and the camera truly is within 5 cm and 1 degree.
-    final_translation_m, final_rotation_deg : float or None
-        By the truth, after the end; None without a flight.
-    servo_s : float or None
-        From the pilot's switch until the gate first lets the vehicle move: it engages with zero
-        setpoints and waits for the autopilot to confirm.
-    within_s : float or None
-        From the pilot's switch until the camera truly stays within 5 cm and 1 degree.
-    done_s : float or None
-        From the pilot's switch until the service says that it is done, or gives up.
-    path_ratio : float or None
-        Way flown over the straight line.
-    version, revision : str
-        Of the program.
-    timeout_s : float
-        How long the flight might have taken.
-    inputs : str
-        Hash of scene, intrinsics, networks and settings file; see ``input_digest``.
-    estimate, wind : str or None
-        What the simulated vehicle was flown with, see ``Conditions``; None beside another one.
-    autopilot : str or None
-        MAVLink URL of a vehicle that ran already; None for the simulated one.
-    """
+    """A flight with everything that it depended on; angles in degrees where the name says so."""
 
     task: str
     difficulty: str
     matcher: str
     service: tuple[str, ...]
+    """Words for ``dfvs-service`` beside the matcher."""
     seed: int
     start: tuple[float, ...]
     goal: tuple[float, ...]
+    """Both are levelled poses (4, 4) row by row, NED, as planned."""
     size: tuple[int, ...]
+    """Width and height of the images, px."""
     overlap: float
+    """Share of the goal's pixels that the planned start sees."""
     limits: VelocityLimits
     bound: TimeBound
     initial_translation_m: float
     initial_rotation_deg: float
+    """Both from the true pose at the pilot's switch, as the bound; as planned without a flight."""
     end_state: str
     end_cause: str
+    """Why the gate ended; its state is ``NOT READY`` where the flight could not be brought up."""
     converged: bool = False
+    """The service says DONE, and the camera truly is within 5 cm and 1 degree."""
     final_translation_m: float | None = None
     final_rotation_deg: float | None = None
+    """Both by the truth, after the end; None without a flight."""
     servo_s: float | None = None
+    """From the pilot's switch until the gate first lets the vehicle move: it engages with zero
+    setpoints and waits for the autopilot to confirm.
+    """
     within_s: float | None = None
+    """From the pilot's switch until the camera truly stays within 5 cm and 1 degree."""
     done_s: float | None = None
+    """From the pilot's switch until the service says that it is done, or gives up."""
     path_ratio: float | None = None
+    """Way flown over the straight line."""
     version: str = ""
     revision: str = ""
     timeout_s: float = 0.0
+    """How long the flight might have taken."""
     inputs: str = ""
+    """Hash of scene, intrinsics, networks and settings file; see ``input_digest``."""
     estimate: str | None = "perfect"
     wind: str | None = "calm"
+    """Both of the simulated vehicle, see ``Conditions``; None beside another one."""
     autopilot: str | None = None
+    """MAVLink URL of a vehicle that ran already; None for the simulated one."""
 
     @property
     def within_ratio(self) -> float | None:
@@ -218,11 +152,12 @@ def read_record(path: Path) -> FlightRecord:
 
 def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
     """Tell whether a record is of this very task, with these settings and this program."""
+    options = setting.options
     same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
-    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
+    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, options.timeout_s)
     return (
         (record.autopilot, record.estimate, record.wind)
-        == (setting.autopilot, setting.options.estimate, setting.options.wind)
+        == (options.autopilot, options.estimate, options.wind)
         and same_poses((record.start, record.goal), task.poses)
         and same == wanted
         and record.version == version("dfvs")

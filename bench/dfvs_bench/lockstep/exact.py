@@ -28,15 +28,8 @@ class KnownView(ImageFeatures):
 class ExactMatcher:
     """Exact flow with noise that is smooth over a few cells, as that of a network is.
 
-    :meth:`look_from` is told the camera's pose before each image is encoded.
-
-    Parameters
-    ----------
-    renderer, camera
-        Scene and intrinsics of all images.
-    noise_px : float
-        Standard deviation of each component of the flow.
-    rng : np.random.Generator
+    :meth:`look_from` is told the camera's pose before each image is encoded. ``noise_px`` is the
+    standard deviation of each component of the flow.
     """
 
     def __init__(

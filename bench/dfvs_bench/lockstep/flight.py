@@ -106,16 +106,8 @@ class LockstepLog:
 class LockstepFlight:
     """Vehicle, camera, perception and gate in one process.
 
-    Parameters
-    ----------
-    job : SimulatedJob
-    task : Task
-        Start and goal.
-    matcher : Matcher
-    render : callable
-        Makes the goal image, and each frame before it is encoded.
-    depth : DepthEstimator, optional
-        For ``servo.depth = "network"`` and ``"fused"``.
+    ``render`` makes the goal image, and each frame before it is encoded; ``depth`` is a network for
+    ``servo.depth = "network"`` and ``"fused"``.
     """
 
     def __init__(

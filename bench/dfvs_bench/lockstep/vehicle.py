@@ -38,16 +38,9 @@ _MODES = {Mode.OFFBOARD: VehicleMode.OFFBOARD, Mode.HOLD: VehicleMode.HOLD}
 
 
 class HoveringVehicle:
-    """The simulated vehicle after take-off, stepped by the caller.
+    """The simulated vehicle after take-off to a height above the ground, stepped by the caller.
 
-    Parameters
-    ----------
-    config : VehicleConfig
-        Estimator errors and wind among them.
-    rng : np.random.Generator
-        Of those errors.
-    height_m : float
-        Height above the ground to hover at.
+    ``rng`` draws the errors of its estimator.
     """
 
     def __init__(self, config: VehicleConfig, rng: np.random.Generator, height_m: float) -> None:
@@ -66,11 +59,6 @@ class HoveringVehicle:
     def mode(self) -> VehicleMode:
         """Mode as the gate knows it."""
         return _MODES.get(self._px4.status.mode, VehicleMode.OTHER)
-
-    @property
-    def estimate_resets(self) -> int:
-        """How often the estimate was reset, as ODOMETRY counts it."""
-        return self._px4.flight.estimate.resets
 
     def advance(self, t_ns: int) -> None:
         """Advance to a time, ns."""

@@ -19,7 +19,7 @@ from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
-from dfvs_sim.dynamics.estimate_errors import ERRORS, ErrorProcess, EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateGrade, errors_of
 
 _PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
 _REFUSALS = 5
@@ -78,16 +78,10 @@ class LateDrive:
 
 
 class Odometry:
-    """What a vehicle's estimate says of the free camera's motion.
-
-    Parameters
-    ----------
-    grade : EstimateGrade
-        Size of the errors.
-    """
+    """What a vehicle's estimate says of the free camera's motion, with errors of a grade."""
 
     def __init__(self, grade: EstimateGrade) -> None:
-        self._errors = ErrorProcess(ERRORS[grade], np.random.default_rng(_ERROR_SEED))
+        self._errors = ErrorProcess(errors_of(grade), np.random.default_rng(_ERROR_SEED))
         self._last_position_m: FloatArray | None = None
 
     @property
@@ -113,18 +107,12 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class ControlledCamera:
-    """How a camera follows.
-
-    Parameters
-    ----------
-    drive : callable
-        Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
-    grade : EstimateGrade
-        Errors of the odometry, which the camera is controlled by.
-    """
+    """How a camera follows."""
 
     drive: Callable[[FloatArray], FloatArray] = lambda twist: twist
+    """Takes the twist (6,) that was asked for and gives the one that the camera makes of it."""
     grade: EstimateGrade = EstimateGrade.PERFECT
+    """Errors of the odometry, which the camera is controlled by."""
 
 
 _EXACT = ControlledCamera()
@@ -133,17 +121,8 @@ _EXACT = ControlledCamera()
 class PipelineMethod:
     """Runs the product's perception on the benchmark's frames, as the service does on live ones.
 
-    Parameters
-    ----------
-    config : ServoConfig
-        Law and depth source; true depth is handed over for ``depth = "given"`` alone.
-    goal : GoalObservation
-        Only its image and intrinsics are used.
-    matcher : Matcher
-        Source of correspondences.
-    network : DepthEstimator, optional
-        For ``depth = "network"`` and ``"fused"``.
-    camera : ControlledCamera
+    Of the goal only image and intrinsics are used. True depth is handed over for
+    ``depth = "given"`` alone, and ``network`` is for ``"network"`` and ``"fused"``.
     """
 
     def __init__(

@@ -21,24 +21,16 @@ FRAME_PERIOD_S = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What a method may use in one iteration.
-
-    Parameters
-    ----------
-    index : int
-        Number of the iteration, from 0.
-    image : (H, W, 3) uint8
-        RGB.
-    depth : DepthMap
-        True depth (H, W); only methods that say so look at it.
-    T_world_camera : (4, 4)
-        Where the camera is, in a world that knows nothing of the goal: odometry.
-    """
+    """What a method may use in one iteration."""
 
     index: int
+    """Number of the iteration, from 0."""
     image: ImageArray
+    """(H, W, 3) uint8: RGB."""
     depth: DepthMap
+    """True depth (H, W); only methods that say so look at it."""
     T_world_camera: FloatArray
+    """(4, 4): where the camera is, in a world that knows nothing of the goal: odometry."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,24 +50,16 @@ def median_depth_m(depth: DepthMap) -> float | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """What a method does with what it saw.
-
-    Parameters
-    ----------
-    T_current_next : (4, 4)
-        Motion of the camera until the next frame, in the current optical frame, m.
-    error : float
-        The method's own error: median flow in px, or grey levels.
-    done : bool
-        The method's own stop rule is satisfied.
-    lost : str
-        Why the method gives up; empty while it does not.
-    """
+    """What a method does with what it saw."""
 
     T_current_next: FloatArray
+    """(4, 4): motion of the camera until the next frame, in the current optical frame, m."""
     error: float
+    """The method's own error: median flow in px, or grey levels."""
     done: bool = False
+    """The method's own stop rule is satisfied."""
     lost: str = ""
+    """Why the method gives up; empty while it does not."""
 
 
 class ServoMethod(Protocol):
@@ -96,27 +80,17 @@ class Networks:
 
 @dataclass(frozen=True, slots=True)
 class MethodKind:
-    """A method that the benchmark knows by name.
-
-    Parameters
-    ----------
-    make : callable
-        Build the method for one goal.
-    summary : str
-        What it is, for people.
-    iterations : int
-        How many frames it is given, by its authors' setting.
-    depth : str
-        Choice of ``servo.depth`` that a depth network is loaded for, if it needs one.
-    pose : str
-        Name of the network that regresses poses which it needs, if any.
-    """
+    """A method that the benchmark knows by name."""
 
     make: Callable[[GoalObservation, Matcher, Networks], ServoMethod]
+    """Builds the method for one goal."""
     summary: str
     iterations: int
+    """How many frames it is given, by its authors' setting."""
     depth: DepthChoice = "motion"
+    """Choice of ``servo.depth`` that a depth network is loaded for, if it needs one."""
     pose: str = ""
+    """Name of the network that regresses poses which it needs, if any."""
 
     @property
     def network(self) -> str:

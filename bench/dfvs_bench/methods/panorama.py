@@ -56,13 +56,7 @@ class ScanMatch:
 
 
 class Panorama:
-    """Matches of views from one place.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Of the views. Matches may be at another size.
-    """
+    """Matches of views from one place; ``camera`` is theirs, and matches may be at another size."""
 
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera

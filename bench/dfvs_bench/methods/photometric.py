@@ -29,13 +29,7 @@ _LONGEST_STEP = 0.5
 
 
 class PhotometricMethod:
-    """Levenberg-Marquardt on ``I - I*`` with true depth at the goal.
-
-    Parameters
-    ----------
-    goal : GoalObservation
-        Its depth is used.
-    """
+    """Levenberg-Marquardt on ``I - I*`` with true depth at the goal."""
 
     def __init__(self, goal: GoalObservation) -> None:
         self._goal = _grey(goal.image)

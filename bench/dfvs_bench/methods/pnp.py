@@ -38,12 +38,7 @@ _AT_GOAL_M, _AT_GOAL_RAD = 0.005, 0.002
 class PnpMethod:
     """Goes straight to where perspective-n-point says that the goal is.
 
-    Parameters
-    ----------
-    goal : GoalObservation
-        Only its image and intrinsics are used.
-    matcher : Matcher
-        Source of correspondences.
+    Of the goal only image and intrinsics are used.
     """
 
     def __init__(self, goal: GoalObservation, matcher: Matcher) -> None:
@@ -86,16 +81,7 @@ def pose_with_depth(
     """``T_current_goal`` (4, 4), m, by the flow from the current view to the goal.
 
     None where the service would refuse the frame: too few of the points are confident, or too few
-    of those agree on a pose.
-
-    Parameters
-    ----------
-    flow : FlowField
-        At the matcher's working size.
-    depth_m : (H, W)
-        Of the current view; 0 is sky.
-    camera : CameraModel
-        Of the depth.
+    of those agree on a pose. The depth (H, W) is of the current view, as is ``camera``; 0 is sky.
     """
     config = ServoConfig()
     height, width = flow.confidence.shape
@@ -128,22 +114,10 @@ def _confident_points(
 def perspective_pose(
     P: FloatArray, xy_goal: FloatArray, tolerance: float
 ) -> tuple[FloatArray, IntArray] | None:
-    """Goal camera from points of the current view and where the goal image shows them.
+    """``T_current_goal`` (4, 4) and indices of the points that agree; None where under eight do.
 
-    Parameters
-    ----------
-    P : (N, 3)
-        Points in the current optical frame, m.
-    xy_goal : (N, 2)
-        Normalised coordinates in the goal image.
-    tolerance : float
-        Distance within which a point agrees, normalised.
-
-    Returns
-    -------
-    tuple or None
-        ``T_current_goal`` (4, 4) and the indices of the points that agree; None where fewer than
-        eight agree on any.
+    ``P`` (N, 3) are points in the current optical frame, m; ``xy_goal`` (N, 2) are where the goal
+    image shows them, normalised, and within ``tolerance`` of which they agree.
     """
     if len(P) < LEAST_POINTS:
         return None

@@ -28,11 +28,6 @@ class PoseRegressionMethod:
     The true median depth of the second image scales a translation that is in depths; else depth is
     not looked at.
 
-    Parameters
-    ----------
-    goal : GoalObservation
-    network : PoseNetwork
-
     Raises
     ------
     ModelError

@@ -42,15 +42,7 @@ _LONGEST_STEP = 0.5
 
 
 class PublishedMethod:
-    """The published code's law with its flow-depth.
-
-    Parameters
-    ----------
-    goal : GoalObservation
-        Only its image and intrinsics are used.
-    matcher : Matcher
-        Source of correspondences.
-    """
+    """The published code's law with its flow-depth; only image and intrinsics of the goal count."""
 
     def __init__(self, goal: GoalObservation, matcher: Matcher) -> None:
         self._goal_image = goal.image.astype(np.float64)

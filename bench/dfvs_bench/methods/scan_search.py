@@ -32,14 +32,8 @@ class ScanSearchMethod:
     look like the goal once the camera was there, no match that leads to it is followed. Where none
     is left to follow, eight more views are matched, further around.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the pipeline anew, which remembers nothing.
-    goal : GoalObservation
-        Only its image and intrinsics are used.
-    matcher : Matcher
-        Source of correspondences.
+    ``make`` makes the pipeline anew, which remembers nothing. Of the goal only image and intrinsics
+    are used.
     """
 
     def __init__(

@@ -26,13 +26,7 @@ _ERROR_AT_GOAL_PX = 0.2
 
 
 class SiftMethod:
-    """Image-based servoing on sparse points.
-
-    Parameters
-    ----------
-    goal : GoalObservation
-        Only its image and intrinsics are used.
-    """
+    """Image-based servoing on sparse points; of the goal only image and intrinsics are used."""
 
     def __init__(self, goal: GoalObservation) -> None:
         self._camera = goal.camera

@@ -142,12 +142,7 @@ def judge(
 ) -> Verdict:
     """Verdict on the flow from the current view, of known depth (H, W), to the goal.
 
-    Parameters
-    ----------
-    flow, depth_m, camera
-        As :func:`pose_with_depth` takes them; where that gives no pose the verdict is NONE.
-    T_current_goal : (4, 4)
-        True pose of the goal.
+    NONE is where :func:`pose_with_depth` gives no pose; ``T_current_goal`` (4, 4) is the true one.
     """
     pose = pose_with_depth(flow, depth_m, camera)
     if pose is None:

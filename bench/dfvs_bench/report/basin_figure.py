@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
+from matplotlib import style
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
@@ -26,7 +26,7 @@ def basin_figure(outcomes: Sequence[Outcome], file_format: str) -> bytes:
     found = curves(outcomes)
     methods = list(dict.fromkeys(curve.method for curve in found))
     rotations = sorted({curve.rotation_deg for curve in found})
-    with mpl.rc_context(STYLE):
+    with style.context(STYLE):
         size = COLUMN_IN, _PANEL_IN * len(methods) + _NAMES_IN
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(methods), 2, squeeze=False, sharex=True, sharey=True)

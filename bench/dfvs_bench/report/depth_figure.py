@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import style
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -87,7 +88,7 @@ def depth_figure(rows: Sequence[DepthViews]) -> bytes:
     height, width = rows[0].image.shape[:2]
     panel_in = (COLUMN_IN - _SIDES_IN) / (1 + len(names))
     size = COLUMN_IN, _HEAD_IN + len(rows) * panel_in * (height / width + _GAP)
-    with mpl.rc_context(STYLE):
+    with style.context(STYLE):
         layout = ConstrainedLayoutEngine(w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
         figure = Figure(figsize=size, layout=layout)
         panels = figure.subplots(len(rows), 1 + len(names), squeeze=False)

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib import style
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -19,27 +19,8 @@ from dfvs_core.geometry.arrays import FloatArray
 COLUMN_IN = 3.5
 """Width of a column of a page with two columns."""
 
-STYLE: Any = {
-    "font.size": 7,
-    "axes.titlesize": 7,
-    "axes.titlelocation": "left",
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.0,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 6.5,
-    "legend.handlelength": 2.6,
-    "savefig.dpi": 220,
-    "svg.hashsalt": "dfvs",
-    "pdf.fonttype": 42,
-}
-"""Matplotlib settings of all plots of the benchmark."""
+STYLE = Path(__file__).with_suffix(".mplstyle")
+"""Of all plots of the benchmark, as Matplotlib reads it."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b8860b", "#4d4d4d")
 """Of Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -75,7 +56,7 @@ def file_of(figure: Figure, file_format: str) -> bytes:
 
 def controller_figure(records: Sequence[TrialRecord], file_format: str) -> bytes:
     """File (``png``, ``svg`` or ``pdf``) of the trials of one task, a line for every method."""
-    with mpl.rc_context(STYLE):
+    with style.context(STYLE):
         return file_of(draw_controller(records), file_format)
 
 

@@ -16,21 +16,13 @@ PAPER_COLUMNS = ("PhotoVS", "Saxena et al.", "true depth", "depth network", "flo
 
 @dataclass(frozen=True, slots=True)
 class PaperScene:
-    """A scene of Table I, in the order of ``PAPER_COLUMNS``; None stands for "NC".
-
-    Parameters
-    ----------
-    initial : tuple of float
-        m, degrees.
-    translation_m, rotation_deg : tuple of float
-        Final errors.
-    path_m, iterations : tuple
-        Length of the trajectory, and number of iterations.
-    """
+    """A scene of Table I, in the order of ``PAPER_COLUMNS``; None stands for "NC"."""
 
     initial: tuple[float, float]
+    """m, degrees."""
     translation_m: tuple[float, ...]
     rotation_deg: tuple[float, ...]
+    """Both are final errors."""
     path_m: tuple[float | None, ...]
     iterations: tuple[int | None, ...]
 

@@ -23,27 +23,16 @@ _METHODS_A_FIGURE = 6
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a report is about; empty is what was not measured.
-
-    Parameters
-    ----------
-    tasks : sequence of BenchTask
-        Those that the records are of.
-    records : sequence of TrialRecord
-        Of ``table1``, in any order, from as many methods and tasks as there are.
-    outcomes : sequence of Outcome
-        Of ``basin``.
-    flights : sequence of FlightRecord
-        Of ``drone``.
-    depth_bundle : str or None
-        Depth network to be shown beside the true depth.
-    """
+    """What a report is about; empty is what was not measured."""
 
     tasks: Sequence[BenchTask] = ()
+    """Those that the records are of."""
     records: Sequence[TrialRecord] = ()
+    """Of ``table1``, in any order, from as many methods and tasks as there are."""
     outcomes: Sequence[Outcome] = ()
     flights: Sequence[FlightRecord] = ()
     depth_bundle: str | None = None
+    """Depth network to be shown beside the true depth."""
 
 
 def report_page(contents: Contents, progress: Callable[[str], None]) -> str:

@@ -25,14 +25,6 @@ _LOST_WORKERS = frozenset({"BrokenProcessPool", "KilledWorker"})
 class TrialExecutor:
     """Where jobs are done.
 
-    Parameters
-    ----------
-    workers : int
-        Processes of this machine; 1 is this very process.
-    dask : str or None
-        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, which is used instead. Its
-        workers need this package, the scene files at the same paths, and the matcher.
-
     Raises
     ------
     ConfigError
@@ -40,7 +32,11 @@ class TrialExecutor:
     """
 
     workers: int = 1
+    """Processes of this machine; 1 is this very process."""
     dask: str | None = None
+    """Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, which is used instead. Its
+    workers need this package, the scene files at the same paths, and the matcher.
+    """
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -100,13 +96,7 @@ def _prepare_worker() -> None:
 
 
 def _result(future: Future[_Result]) -> _Result:
-    """What a worker made of a job.
-
-    Raises
-    ------
-    ConfigError
-        If the worker itself ended: killed, or out of memory.
-    """
+    """What a worker made of a job; ConfigError if it was killed, or ran out of memory."""
     try:
         return future.result()
     except Exception as error:

@@ -13,53 +13,35 @@ from dfvs_core.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class TrialRecord:
-    """A trial with everything that it depended on.
-
-    Parameters
-    ----------
-    task, difficulty, method, matcher : str
-        What was tried with what; ``matcher`` is given to every method, whether it uses it or not.
-    most_iterations : int
-        Frames that the method was given.
-    start, goal : tuple of float
-        Poses (4, 4) row by row, NED.
-    size : tuple of int
-        Width and height of the images, px.
-    version, revision : str
-        Of the program.
-    inputs : str
-        Hash of scene, intrinsics and models; see ``input_digest``.
-    seed : int or None
-        That the scene and the task were drawn from, where they were.
-    seconds : float
-        How long it took on the machine.
-    trial : Trial
-        What came of it.
-    perturbation : str
-        Name of the perturbation between goal image and flight; empty where there is none.
-    median_depth_m : float or None
-        Of the goal view, unperturbed.
-    network : str
-        Bundle of the depth or pose network that the method needs; empty where it needs none.
-    """
+    """A trial with everything that it depended on."""
 
     task: str
     difficulty: str
     method: str
     matcher: str
+    """It is given to every method, whether it uses it or not."""
     most_iterations: int
+    """Frames that the method was given."""
     start: tuple[float, ...]
     goal: tuple[float, ...]
+    """Both are poses (4, 4) row by row, NED."""
     size: tuple[int, ...]
+    """Width and height of the images, px."""
     version: str
     revision: str
     seconds: float
+    """How long it took on the machine."""
     trial: Trial
     inputs: str = ""
+    """Hash of scene, intrinsics and models; see ``input_digest``."""
     seed: int | None = None
+    """That the scene and the task were drawn from, where they were."""
     perturbation: str = ""
+    """Name of the perturbation between goal image and flight; empty where there is none."""
     median_depth_m: float | None = None
+    """Of the goal view, unperturbed."""
     network: str = ""
+    """Bundle of the depth or pose network that the method needs; empty where it needs none."""
 
     @property
     def initial_error(self) -> tuple[float, float]:

@@ -31,31 +31,20 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A trial to be made.
-
-    Parameters
-    ----------
-    task : BenchTask
-        Scene and poses.
-    method, matcher : str
-        Names, as ``METHODS`` and ``load_matcher`` know them.
-    most_iterations : int
-        Frames that the method is given.
-    revision : str
-        Of the program.
-    network : str, optional
-        Bundle of the network that the method needs beside the matcher, if any.
-    perturbation : Perturbation, optional
-        Between the goal image and the flight.
-    """
+    """A trial to be made."""
 
     task: BenchTask
+    """Scene and poses."""
     method: str
     matcher: str
+    """Both are names, as ``METHODS`` and ``load_matcher`` know them."""
     most_iterations: int
+    """Frames that the method is given."""
     revision: str
     network: str | None = None
+    """Bundle of the network that the method needs beside the matcher, if any."""
     perturbation: Perturbation | None = None
+    """Between the goal image and the flight."""
 
     @property
     def condition(self) -> str:
@@ -81,13 +70,7 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
 
 
 class Countdown:
-    """Tells how far a run is, and how long it still takes by what it took so far.
-
-    Parameters
-    ----------
-    count : int
-        Jobs that are to be done.
-    """
+    """Tells how far a run of so many jobs is, and how long it still takes by what it took."""
 
     def __init__(self, count: int) -> None:
         self._count, self._done = count, 0

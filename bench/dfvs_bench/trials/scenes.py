@@ -35,26 +35,18 @@ ASSETS = Path(__file__).resolve().parent.parent / "assets"
 
 @dataclass(frozen=True, slots=True)
 class SceneSpec:
-    """A scene of the benchmark.
-
-    Parameters
-    ----------
-    name, kind : str
-        Name of the task, and kind of its room.
-    seed : int
-        Decides on the room, and on the task in it.
-    difficulty : str
-        ``easy``, ``medium`` or ``hard``.
-    distance_m, angle_deg : float
-        Between start and goal.
-    """
+    """A scene of the benchmark."""
 
     name: str
     kind: str
+    """Of its room."""
     seed: int
+    """Decides on the room, and on the task in it."""
     difficulty: str
+    """``easy``, ``medium`` or ``hard``."""
     distance_m: float
     angle_deg: float
+    """Both are between start and goal."""
 
     @property
     def constraints(self) -> TaskConstraints:

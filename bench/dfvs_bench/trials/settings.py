@@ -33,20 +33,12 @@ _QUALITY = 90
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How a task of the benchmark becomes one of this setting.
-
-    Parameters
-    ----------
-    make : callable
-        Takes a task, its number, a share of the greatest displacement, and a folder for scenes.
-    share : float
-        By default.
-    summary : str
-        What it is, for people.
-    """
+    """How a task of the benchmark becomes one of this setting."""
 
     make: Callable[[BenchTask, int, float, Path], BenchTask]
+    """Takes a task, its number, a share of the greatest displacement, and a folder for scenes."""
     share: float
+    """By default."""
     summary: str
 
 

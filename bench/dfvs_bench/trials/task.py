@@ -27,31 +27,21 @@ _EXPECTED = "a list of tasks (name, scene, start, goal, intrinsics), or {'tasks'
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BenchTask:
-    """One task of the benchmark.
-
-    Parameters
-    ----------
-    name : str
-        Unique in its file.
-    scene : Path
-        GLB file.
-    T_world_start, T_world_goal : (4, 4)
-        Camera poses, NED, m.
-    camera : CameraModel
-        Intrinsics of both views.
-    difficulty : str
-        ``easy``, ``medium`` or ``hard``, or nothing.
-    seed : int or None
-        That scene and poses were drawn from, where they were.
-    """
+    """One task of the benchmark."""
 
     name: str
+    """Unique in its file."""
     scene: Path
+    """GLB file."""
     T_world_start: FloatArray
     T_world_goal: FloatArray
+    """Both are camera poses (4, 4), NED, m."""
     camera: CameraModel
+    """Intrinsics of both views."""
     difficulty: str = ""
+    """``easy``, ``medium`` or ``hard``, or nothing."""
     seed: int | None = None
+    """That scene and poses were drawn from, where they were."""
 
     @property
     def poses(self) -> tuple[FloatArray, FloatArray]:

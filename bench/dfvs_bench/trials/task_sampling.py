@@ -25,25 +25,17 @@ _WAY_POINTS = 8
 
 @dataclass(frozen=True, slots=True)
 class TaskConstraints:
-    """What a task must be like.
-
-    Parameters
-    ----------
-    distance_m, angle_rad : float
-        Between start and goal, exactly.
-    overlap : tuple of float
-        Least and most share of the goal's pixels that the start sees.
-    features : int
-        Least number of SIFT points in each of the two views.
-    most_empty : float
-        Share of each view, at most, that may show no surface: scans have holes.
-    """
+    """What a task must be like."""
 
     distance_m: float
     angle_rad: float
+    """Both are between start and goal, exactly."""
     overlap: tuple[float, float]
+    """Least and most share of the goal's pixels that the start sees."""
     features: int
+    """Least number of SIFT points in each of the two views."""
     most_empty: float = 0.0
+    """Share of each view, at most, that may show no surface: scans have holes."""
 
 
 def draw_task(
@@ -67,13 +59,7 @@ def draw_task(
 
 
 class SceneSampler:
-    """Draws camera poses in the free space of one scene.
-
-    Parameters
-    ----------
-    renderer, camera
-        Scene, and intrinsics of all views.
-    """
+    """Draws camera poses in the free space of one scene."""
 
     def __init__(self, renderer: Renderer, camera: CameraModel) -> None:
         self.renderer, self.camera = renderer, camera

@@ -38,25 +38,17 @@ _DIVERGED_FACTOR, _DIVERGED_MARGIN_M = 3.0, 1.0
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One iteration: where the camera was, what the method saw of its error and what it did.
-
-    Parameters
-    ----------
-    position_m : tuple of float
-        NED.
-    distance_m, angle_rad : float
-        True error to the goal.
-    error : float or None
-        The method's own error; None where it had none.
-    velocity : tuple of float
-        Twist (6,) in the camera's frame, m/s and rad/s at ``FRAME_PERIOD_S``.
-    """
+    """One iteration: where the camera was, what the method saw of its error and what it did."""
 
     position_m: tuple[float, ...]
+    """NED."""
     distance_m: float
     angle_rad: float
+    """Both are the true error to the goal."""
     error: float | None
+    """The method's own error; None where it had none."""
     velocity: tuple[float, ...]
+    """Twist (6,) in the camera's frame, m/s and rad/s at ``FRAME_PERIOD_S``."""
 
     @property
     def meets_criterion(self) -> bool:

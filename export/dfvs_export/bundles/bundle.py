@@ -31,19 +31,9 @@ def make_bundle(
     source: Source,
     **outputs: Any,
 ) -> Bundle:
-    """Bundle in fp32.
+    """Bundle in fp32 of graphs, each with its ONNX file and names of its tensors, by role.
 
-    Parameters
-    ----------
-    kind : str
-        As manifests name it.
-    graphs : mapping
-        ONNX file and names of its tensors, by role.
-    images : ImageInput
-        What the graphs take.
-    source : Source
-    **outputs
-        Fields of the manifest that say what the kind's outputs mean.
+    ``outputs`` are fields of the manifest that say what the kind's outputs mean.
     """
     contents = {f"{role}.onnx": onnx for role, (onnx, _) in graphs.items()}
     manifest = Manifest(
@@ -92,13 +82,7 @@ def write_bundle(folder: Path, bundle: Bundle, card: str, accuracy: Mapping[str,
 
 
 def check_free(folder: Path) -> None:
-    """Refuse to write where something else than a bundle is.
-
-    Raises
-    ------
-    ModelError
-        If the folder holds anything but a bundle, or cannot be looked at.
-    """
+    """Refuse to write where something else than a bundle is, or nothing can be seen: ModelError."""
     try:
         if folder.exists() and not folder.is_dir():
             raise ModelError(f"{folder} is no folder", "a new folder, or a bundle")

@@ -39,12 +39,9 @@ class Parity:
 
 
 def drawn_pairs(size: tuple[int, int], count: int, seed: int) -> list[ImagePair]:
-    """Draw images of random patches, and the same turned and scaled, for calibration and parity.
+    """Draw images (H, W, 3) uint8 of random patches, and the same turned and scaled.
 
-    Parameters
-    ----------
-    size : tuple of int
-        (width, height) px of the images (H, W, 3) uint8.
+    They are for calibration and parity; ``size`` is (width, height) px.
     """
     rng = np.random.default_rng(seed)
     return [_drawn_pair(size, rng) for _ in range(count)]

@@ -41,25 +41,17 @@ class BenchPlan:
 
 @dataclass(frozen=True, slots=True)
 class BenchResult:
-    """Times of one bundle.
-
-    Parameters
-    ----------
-    bundle : str
-        Its folder's name.
-    precision : str
-        ``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says.
-    median_ms, p99_ms : float
-        The networks' part of one frame: see ``run_frame``.
-    resident_mb : float
-        Most memory that the process held, MB.
-    """
+    """Times of one bundle."""
 
     bundle: str
+    """Its folder's name."""
     precision: str
+    """``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says."""
     median_ms: float
     p99_ms: float
+    """Both are of the networks' part of one frame, see ``run_frame``."""
     resident_mb: float
+    """Most memory that the process held, MB."""
 
 
 def bench(folders: Sequence[Path], plan: BenchPlan) -> list[BenchResult]:

@@ -11,14 +11,8 @@ from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
 
 
-def run_bench(arguments: argparse.Namespace) -> int:
-    """Measure bundles side by side.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If a bundle cannot be used, or the results cannot be written.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Measure bundles side by side."""
     require_file("--json", arguments.json)
     plan = BenchPlan(network_size(arguments.size), arguments.threads, arguments.runs)
     results = bench([bundle_folder(name) for name in arguments.bundles], plan)

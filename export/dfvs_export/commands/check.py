@@ -30,14 +30,8 @@ _NOT_FLOW = {"mono": (DepthNetwork, "a depth bundle"), "pose": (PoseNetwork, "a 
 """Kinds of bundles that give no flow: what loads them, and their name."""
 
 
-def run_check(arguments: argparse.Namespace) -> int:
-    """Check a bundle; 1 where torch and ONNX Runtime differ, or too much accuracy was lost.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If the bundle, or what it is to be compared with, cannot be used.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Check a bundle; 1 where torch and ONNX Runtime differ, or too much accuracy was lost."""
     bundle = read_bundle(bundle_folder(arguments.bundle))
     manifest = bundle.manifest
     _check_options(arguments, manifest.kind)

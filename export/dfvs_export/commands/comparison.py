@@ -44,13 +44,7 @@ def agrees_with_torch(network: TorchNetwork, bundle: Bundle, unit: str = "") -> 
 
 
 def check_calibration(arguments: argparse.Namespace) -> None:
-    """Refuse options of calibration that do not fit the precision.
-
-    Raises
-    ------
-    ConfigError
-        Naming them.
-    """
+    """Refuse options of calibration that do not fit the precision."""
     if arguments.calibration and arguments.precision != "int8":
         raise ConfigError(f"--calibration with {arguments.precision}", "it with --precision int8")
     if arguments.precision == "int8" and arguments.calibration_pairs < 1:

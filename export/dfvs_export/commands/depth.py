@@ -21,14 +21,8 @@ from dfvs_models.evaluation_file import labelled
 from dfvs_models.onnx_session import Execution
 
 
-def run_depth(arguments: argparse.Namespace) -> int:
-    """Make a bundle of a depth network; 1 where ONNX Runtime does not give what torch gives.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If a package is missing, or weights, size, frames or folder cannot be used.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Make a bundle of a depth network; 1 where ONNX Runtime does not give what torch gives."""
     size = network_size(arguments.size, 2) if arguments.size else None
     check_free(arguments.out)
     check_calibration(arguments)

@@ -20,14 +20,8 @@ from dfvs_models.onnx_session import Execution
 _OWN_SIZE, _PAIR_SIZE = (640, 480), (320, 240)
 
 
-def run_flow(arguments: argparse.Namespace) -> int:
-    """Make a bundle of a network.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If the model is unknown, or its weights, the frames or the folder cannot be used.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Make a bundle of a network."""
     size = network_size(arguments.size) if arguments.size else None
     check_free(arguments.out)
     pairs = read_flow_pairs(arguments.pairs) if arguments.pairs else None

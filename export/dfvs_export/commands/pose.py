@@ -10,14 +10,8 @@ from dfvs_models.onnx_session import Execution
 from dfvs_models.pose import PoseNetwork
 
 
-def run_pose(arguments: argparse.Namespace) -> int:
-    """Make a bundle of a trained network; 1 where ONNX Runtime does not give what torch gives.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If the weights or the folder cannot be used.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Make a bundle of a trained network; 1 where ONNX Runtime does not give what torch gives."""
     check_free(arguments.out)
     model = PoseModel.load(arguments.checkpoint)
     log(f"tracing {model.weights.name}")

@@ -7,9 +7,13 @@ import importlib
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import TypeAlias
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+"""What subcommands are added to."""
 
 
-def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_train(commands: Commands) -> None:
     """Add ``train``."""
     train = commands.add_parser(
         "train",
@@ -26,7 +30,7 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     train.set_defaults(run=_training("flow", "train", "FlowTrainSettings"))
 
 
-def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_train_depth(commands: Commands) -> None:
     """Add ``train-depth``."""
     train = commands.add_parser(
         "train-depth",
@@ -41,7 +45,7 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
     train.set_defaults(run=_training("depth", "train_depth", "DepthTrainSettings"))
 
 
-def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_train_pose(commands: Commands) -> None:
     """Add ``train-pose``."""
     train = commands.add_parser(
         "train-pose",

@@ -30,14 +30,9 @@ class Assignment(NamedTuple):
 
 
 class LighterGlue(nn.Module):
-    """Matches keypoints by self- and cross-attention.
+    """Matches keypoints of images of one size (width, height) px by self- and cross-attention.
 
     Those of the second image go through it behind those of the first, (B, N + M, C).
-
-    Parameters
-    ----------
-    size : tuple of int
-        (width, height) px of the images that the points lie in.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:

@@ -47,10 +47,7 @@ def _layer(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Se
 class XFeat(nn.Module):
     """Encoder of grey images (B, 1, H, W), 0 to 255; a negative pixel is outside of the image.
 
-    Parameters
-    ----------
-    count : int
-        Keypoints of an image, those of the highest scores.
+    It gives the ``count`` keypoints of the highest scores.
     """
 
     def __init__(self, count: int) -> None:

@@ -14,17 +14,11 @@ _CARRYING = frozenset({"Add", "Concat", "Relu"})
 def heavy_nodes(graph: GraphProto, takes_images: bool) -> list[NodeProto]:
     """Layers that may be computed with fewer bits: products with learned weights.
 
-    Three kinds stay as they are. What reads the image itself, and what gives flow, keypoints or
-    descriptors with nothing but adding and resampling behind it: there every lost bit is one of the
-    image or the output, and both are cheap. And convolutions in groups, which ONNX Runtime
-    computes more slowly in 8 bits than in 32.
-
-    Parameters
-    ----------
-    graph : GraphProto
-        With names for all nodes, weights as initialisers.
-    takes_images : bool
-        Whether its inputs are images, not features.
+    Three kinds stay as they are. What reads the image itself (of a graph that ``takes_images``, not
+    features), and what gives flow, keypoints or descriptors with nothing but adding and resampling
+    behind it: there every lost bit is one of the image or the output, and both are cheap. And
+    convolutions in groups, which ONNX Runtime computes more slowly in 8 bits than in 32.
+    The nodes have names, and weights are initialisers.
     """
     shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
     turning = {node.name for node in graph.node if _turns_over(node, shapes)}

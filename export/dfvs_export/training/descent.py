@@ -72,15 +72,9 @@ def descend(
 ) -> None:
     """Take steps of AdamW, whose rate rises over the first ones and falls to 0 by a cosine.
 
-    Parameters
-    ----------
-    settings : TrainSettings
-    rates : mapping
-        Factor on the learning rate by module; what an earlier module owns is not the later one's.
-    learn : callable
-        Adds the gradients of a step.
-    every : mapping
-        What is called with the count of steps, after so many of them and at the end.
+    ``rates`` are factors on the learning rate by module; what an earlier module owns is not the
+    later one's. ``learn`` adds the gradients of a step. Each of ``every`` is called with the count
+    of steps, after so many of them and at the end.
     """
     torch.set_num_threads(settings.threads)
     groups = _groups({module: rate * settings.learning_rate for module, rate in rates.items()})

@@ -11,8 +11,9 @@ from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_common.progress import log
 from dfvs_robustness.answers.report import read_answers
 from dfvs_robustness.faults.fault import Case
-from dfvs_robustness.faults.matrix import all_faults, append_result, plan, read_outcomes, run_matrix
+from dfvs_robustness.faults.matrix import append_result, plan, read_outcomes, run_matrix
 from dfvs_robustness.faults.report import Report, make_rows
+from dfvs_robustness.faults.table import all_faults
 from dfvs_robustness.faults.workers import Result
 from dfvs_sim.options import require_range
 

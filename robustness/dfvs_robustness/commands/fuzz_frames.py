@@ -48,13 +48,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Feed frames or write one; 0 if all bounds held, else 1.
-
-    Raises
-    ------
-    DfvsError
-        If an option cannot be used.
-    """
+    """Feed frames or write one; 0 if all bounds held, else 1."""
     require_range(args, 1, None, "count", "workers")
     require_file("--json", args.json)
     if args.seed < 0 or (args.show or 0) < 0:

@@ -10,7 +10,6 @@ from typing import Any, Generic, TypeVar
 from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_robustness.fuzz.finding import ReplayFormat
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
 from dfvs_sim.options import require_range, write_json
 
@@ -36,34 +35,20 @@ class ProgressLine:
 
 @dataclass(frozen=True, slots=True)
 class FuzzCommand(Generic[T, E]):
-    """A subcommand of ``dfvs-robustness fuzz``.
-
-    Parameters
-    ----------
-    name, help, description : str
-        ``name`` begins the names of the files of findings, too.
-    example : str
-        Arguments that replay a file.
-    target : Target
-    files : ReplayFormat
-        Of the findings.
-    items : str
-        Attribute of an episode with what it consists of.
-    figures : callable
-        Counts of a tally that only this target has, as JSON holds them.
-    text : callable
-        Lines for people from the report.
-    """
+    """A subcommand of ``dfvs-robustness fuzz``."""
 
     name: str
     help: str
     description: str
     example: str
+    """Arguments that replay a file."""
     target: Target[T, E]
-    files: ReplayFormat[E]
     items: str
+    """Attribute of an episode with what it consists of."""
     figures: Callable[[T], dict[str, Any]]
+    """Counts of a tally that only this target has, as JSON holds them."""
     text: Callable[[dict[str, Any]], str]
+    """Lines for people from the report."""
 
     def add_parser(self, subparsers: Any) -> None:
         """Add the subcommand."""
@@ -89,15 +74,9 @@ class FuzzCommand(Generic[T, E]):
         parser.set_defaults(run=self.run)
 
     def run(self, args: argparse.Namespace) -> int:
-        """Fuzz or replay; 0 without a violation, 1 with one.
-
-        Raises
-        ------
-        DfvsError
-            If an option cannot be used.
-        """
+        """Fuzz or replay; 0 without a violation, 1 with one."""
         if args.replay is not None:
-            violation = self.target.replay(self.files.read(args.replay))
+            violation = self.target.replay(self.target.read(args.replay))
             print("no violation" if violation is None else f"violated: {violation}")
             return 0 if violation is None else 1
         require_range(args, 1, None, "events", "workers")
@@ -116,7 +95,7 @@ class FuzzCommand(Generic[T, E]):
         report = self._report(outcome, args.seed, time.monotonic() - began_s)
         for number, finding in enumerate(outcome.findings):
             path = args.out / f"{self.name}-{finding.rule}-{number}.json"
-            self.files.write(finding, path)
+            self.target.write(finding, path)
             print(f"{finding.rule} violated: {finding.text}")
             print(f"  {self._length(finding.episode)} {self.items}: {path}")
         print(f"{self.text(report)}\n{len(outcome.findings)} violations")

@@ -14,16 +14,15 @@ from dfvs_sim.demo.flight.flight import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.runs import made_folder
 from dfvs_sim.options import (
     add_camera_options,
     add_scene_option,
     camera_from,
+    renderer_from,
     require_range,
     write_json,
 )
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 _EPILOG = """example:
   dfvs-robustness soak --minutes 30 --json soak.json --out soak
@@ -54,27 +53,18 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly and judge; 0 if nothing grows, else 1.
-
-    Raises
-    ------
-    DfvsError
-        If an option cannot be used, or nothing was flown.
-    """
+    """Fly and judge; 0 if nothing grows, else 1."""
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
     require_file("--json", args.json)
-    try:
-        args.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"cannot make the folder {args.out} ({error.strerror})") from error
+    folder = made_folder(args.out)
     progress = Progress()
     if args.size == AUTO:
         args.size = measured_size(progress.log)
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    renderer = renderer_from(args)
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
-    options = MissionOptions(args.out.absolute(), args.minutes, args.rate, words)
+    options = MissionOptions(folder, args.minutes, args.rate, words)
     mission = Mission(plan, options, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:

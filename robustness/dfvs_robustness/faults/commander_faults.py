@@ -1,6 +1,5 @@
 """Faults of commanders: other services, foreign setpoints, hostile commands, the operator."""
 
-import functools
 import math
 import time
 
@@ -8,20 +7,11 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.gate.states import GateState
 from dfvs_core.messages.goal_command import goal_digest
-from dfvs_robustness.faults.fault import (
-    ANY_ENGAGED,
-    FLOWN,
-    READY_OR_ENGAGED,
-    Fault,
-    Inject,
-    Reaction,
-    fault,
-)
+from dfvs_robustness.faults.fault import Inject
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.service import KEY, signed
-from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 from dfvs_sim.vehicle.messages.telemetry import Message
 
 S = GateState
@@ -29,10 +19,8 @@ _BODY_VELOCITY = 0x5C7
 _STATIONS = ((255, 190), (245, 191), (1, 196))
 """System and component of others who send: two ground stations, and one under our vehicle's id."""
 _STATION_NS, _STATION_PERIOD_S = 1_500_000_000, 0.02
-_SETPOINTS = ("setpoints of somebody else", "somebody else sends setpoints")
 _FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
 """Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
-_fault = functools.partial(fault, spares_frames=True)
 
 
 # --- other commanders -----------------------------------------------------------------------
@@ -109,62 +97,14 @@ def _operator_aborts(harness: Harness, _: np.random.Generator) -> int:
     return t_ns
 
 
-def commander_faults() -> tuple[Fault, ...]:
-    """Faults of commanders, by the rows of the table."""
-    abort = Reaction.ABORT
-    return (
-        _fault(
-            ("second-service", "another service engages", "lease"),
-            (abort, 500.0, READY_OR_ENGAGED, _other_service("engaged")),
-            says=(Cause.TWO_COMMANDERS, "another service"),
-        ),
-        _fault(
-            ("service-stands-by", "another service stands by", "lease"),
-            (Reaction.REFUSED, 0.0, (S.READY,), _other_service("standby")),
-            watch_s=1.0,
-        ),
-        _fault(
-            ("service-starts-in-flight", "another service comes up in flight", "lease"),
-            (Reaction.IGNORED, 0.0, (S.SERVO,), _other_service("standby")),
-            watch_s=1.0,
-        ),
-        _fault(
-            ("foreign-setpoint", "somebody else's setpoint on the link", "foreign setpoint"),
-            (abort, 100.0, READY_OR_ENGAGED, _foreign_setpoint),
-            says=_SETPOINTS,
-        ),
-        _fault(
-            (
-                "foreign-system",
-                "setpoints of a ground station on the link",
-                "foreign setpoint of any system",
-            ),
-            (abort, 1000.0, READY_OR_ENGAGED, _foreign_system),
-            says=_SETPOINTS,
-        ),
-        _fault(
-            (
-                "foreign-commander",
-                "somebody else's setpoints on another link, 0.4 m/s off",
-                "velocity nobody here asked for",
-            ),
-            (abort, 4000.0, FLOWN, _foreign_elsewhere),
-            Setup(settings=(NO_RESPONSE_CHECK,)),
-            says=(Cause.TWO_COMMANDERS,),
-        ),
-        _fault(
-            ("forged-commands", "commands and goals of a wrong key or vehicle", "authority"),
-            (Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _forged),
-            watch_s=0.5,
-        ),
-        _fault(
-            ("replayed-commands", "a command again; old and unknown challenges", "challenge"),
-            (Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _replayed),
-            watch_s=0.5,
-        ),
-        _fault(
-            ("operator-aborts", "operator commands to abort", "signed command"),
-            (abort, 500.0, ANY_ENGAGED, _operator_aborts),
-            says=(Cause.OPERATOR_ABORT,),
-        ),
-    )
+COMMANDER_FAULTS: dict[str, Inject] = {
+    "second-service": _other_service("engaged"),
+    "service-stands-by": _other_service("standby"),
+    "service-starts-in-flight": _other_service("standby"),
+    "foreign-setpoint": _foreign_setpoint,
+    "foreign-system": _foreign_system,
+    "foreign-commander": _foreign_elsewhere,
+    "forged-commands": _forged,
+    "replayed-commands": _replayed,
+    "operator-aborts": _operator_aborts,
+}

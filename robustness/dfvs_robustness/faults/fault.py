@@ -3,7 +3,6 @@
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -11,15 +10,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.setup import Setup
 
-S = GateState
-
 NO_VERDICT = "no verdict"
-CAPTURE_MS = 350.0
-"""From the capture of the last good frame to zero at most; 300 ms in 99 of 100 cases."""
-
-FLOWN = (S.SERVO, S.HOLD, S.DONE)
-ANY_ENGAGED = (S.ENGAGE, *FLOWN)
-READY_OR_ENGAGED = (S.READY, *ANY_ENGAGED)
 
 
 class Reaction(enum.Enum):
@@ -71,32 +62,6 @@ class Fault:
     alone: bool = False
     cuts_link: bool = False
     says: tuple[str, ...] = ()
-
-
-_USUAL = Setup()
-
-
-def fault(
-    words: tuple[str, str, str],
-    expected: tuple[Reaction, float, tuple[GateState, ...], Inject],
-    setup: Setup = _USUAL,
-    **more: Any,
-) -> Fault:
-    """Fault of a row of the table.
-
-    Parameters
-    ----------
-    words : tuple
-        Its name, what it is, and what it is detected by.
-    expected : tuple
-        Reaction, limit in ms, states in which it is tried, and how it is caused.
-    setup : Setup
-    more
-        Further fields of ``Fault``.
-    """
-    name, what, seen_by = words
-    reaction, limit_ms, states, inject = expected
-    return Fault(name, what, seen_by, reaction, limit_ms, states, inject, setup, **more)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,24 +10,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.messages.image import encode_png
-from dfvs_robustness.faults.fault import (
-    CAPTURE_MS,
-    READY_OR_ENGAGED,
-    Fault,
-    Inject,
-    Reaction,
-    fault,
-)
+from dfvs_robustness.faults.fault import Inject
 from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, Packet, Script, unrelated_view
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.network import Misbehaviour
-from dfvs_robustness.harness.setup import TEXTURE, Setup
 
-S = GateState
 MS = 1_000_000
 PNG = PixelFormat.PNG
 
@@ -150,110 +140,37 @@ def _misbehaves(what: Misbehaviour) -> Inject:
     return _shows(paint)
 
 
-def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEXTURE) -> Fault:
-    hold, says = Reaction.HOLD, _SAYS[name]
-    return Fault(name, what, seen_by, hold, CAPTURE_MS, READY_OR_ENGAGED, inject, setup, says=says)
+_SILENT = _sends(lambda _shot, _rng: [])
 
-
-def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:
-    held = (Cause.HOLD_TOO_LONG,)
-    return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject, says=held)
-
-
-_UNREADABLE, _LOW_OVERLAP = "the frame cannot be read", "too little of the view shows the goal"
-_SAYS: dict[str, tuple[str, ...]] = {
-    "camera-stops": ("no camera frame",),
-    "camera-freezes": ("repeats the same image",),
-    "frames-repeat": ("not newer than the one before", "old when it arrived"),
-    "stamps-old": ("old when it arrived",),
-    "stamps-future": ("still to come",),
-    "stamps-reordered": ("not newer than the one before",),
-    "other-clock": ("another machine's clock",),
-    "wrong-size": ("size is not the camera's",),
-    "wrong-format": (_UNREADABLE,),
-    "wrong-colours": ("red and blue are exchanged",),
-    "black": ("the image is black",),
-    "saturated": ("the image is white",),
-    "no-contrast": ("no contrast",),
-    "corrupt-jpeg": ("checksum",),
-    "truncated-jpeg": ("checksum",),
-    "image-bomb": (_UNREADABLE, "size is not the camera's"),
-    "hostile-frames": (_UNREADABLE,),
-    "no-texture": (_LOW_OVERLAP, "repeats the same image"),
-    "goal-lost": (_LOW_OVERLAP,),
-    "network-nan": (_LOW_OVERLAP,),
-    "network-garbage": (_LOW_OVERLAP,),
-    "network-unsure": (_LOW_OVERLAP,),
-    "network-slow": (Cause.FRAME_OLD, Cause.RESULT_LATE),
+FRAME_FAULTS: dict[str, Inject] = {
+    "camera-stops": _SILENT,
+    "camera-freezes": _after_first(lambda first, now: now.showing(first.image).packet()),
+    "frames-repeat": _after_first(lambda first, _: first.packet()),
+    "stamps-old": _sends(lambda s, _: [replace(s, t_ns=s.t_ns - 1000 * MS).packet()]),
+    "stamps-future": _sends(lambda s, _: [replace(s, t_ns=s.t_ns + 100 * MS).packet()]),
+    "stamps-reordered": _films(_swapped_order),
+    "other-clock": _sends(lambda s, rng: [replace(s, clock=rng.bytes(16)).packet()]),
+    "wrong-size": _sends(_other_size),
+    "wrong-format": _sends(_other_format),
+    "wrong-colours": _shows(lambda i: i[:, :, ::-1]),
+    "black": _shows(lambda i: i // 64),
+    "saturated": _shows(lambda i: i // 64 + 251),
+    "no-contrast": _shows(lambda i: i // 128 + 120),
+    "corrupt-jpeg": _sends(_damaged),
+    "truncated-jpeg": _sends(_cut),
+    "image-bomb": _films(_bombs),
+    "hostile-frames": _sends(_flood),
+    "no-texture": _shows(_stripes),
+    "goal-lost": _shows(unrelated_view),
 }
-"""What the gate must give as its reason for each fault that leads to HOLD."""
+"""Faults of frames that show a wall with texture."""
 
-
-def frame_faults() -> tuple[Fault, ...]:
-    """Faults of frames, by the rows of the table."""
-    silent = _sends(lambda _shot, _rng: [])
-    dead_network = fault(
-        ("network-stuck", "network does not return", "no report: frame age"),
-        (Reaction.ABORT, 3700.0, (S.SERVO,), _misbehaves(Misbehaviour.STUCK)),
-        restarts=True,
-        says=(Cause.HOLD_TOO_LONG,),
-    )
-    return (
-        _hold("camera-stops", "camera stops", "silence, frame age", silent),
-        _abort("camera-stops-for-good", "camera stops for good", "3 s in HOLD", silent, 3600.0),
-        _hold(
-            *("camera-freezes", "camera freezes", "same pixels ×3"),
-            _after_first(lambda first, now: now.showing(first.image).packet()),
-        ),
-        _hold(
-            *("frames-repeat", "one sample again and again", "capture time"),
-            _after_first(lambda first, _: first.packet()),
-        ),
-        _hold(
-            *("stamps-old", "stamps a second old", "capture age"),
-            _sends(lambda s, _: [replace(s, t_ns=s.t_ns - 1000 * MS).packet()]),
-        ),
-        _hold(
-            *("stamps-future", "stamps 0.1 s ahead", "clock skew"),
-            _sends(lambda s, _: [replace(s, t_ns=s.t_ns + 100 * MS).packet()]),
-        ),
-        _hold("stamps-reordered", "frames out of order", "capture time", _films(_swapped_order)),
-        _hold(
-            *("other-clock", "stamped by another machine", "clock identity"),
-            _sends(lambda s, rng: [replace(s, clock=rng.bytes(16)).packet()]),
-        ),
-        _hold("wrong-size", "wrong size", "calibration", _sends(_other_size)),
-        _hold(
-            "wrong-format", "pixels are not what the header says", "decoder", _sends(_other_format)
-        ),
-        _hold(
-            *("wrong-colours", "red and blue exchanged", "colours of corresponding points"),
-            _shows(lambda i: i[:, :, ::-1]),
-        ),
-        _hold("black", "black image", "brightness", _shows(lambda i: i // 64)),
-        _hold("saturated", "white picture", "brightness", _shows(lambda i: i // 64 + 251)),
-        _hold("no-contrast", "grey picture", "contrast", _shows(lambda i: i // 128 + 120)),
-        _hold("corrupt-jpeg", "flipped bits in a JPEG", "checksum", _sends(_damaged)),
-        _hold("truncated-jpeg", "JPEG cut short", "checksum", _sends(_cut)),
-        _hold("image-bomb", "36 megapixels in a PNG of 100 kB", "header", _films(_bombs)),
-        _hold("hostile-frames", "400 rubbish samples a second", "header, checksum", _sends(_flood)),
-        _hold("no-texture", "stripes", "conditioning, agreement", _shows(_stripes)),
-        _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(unrelated_view)),
-        _hold("network-nan", "network gives NaN", "finite", _misbehaves(Misbehaviour.NAN), Setup()),
-        _hold(
-            *("network-garbage", "network gives garbage", "forward–backward, inliers"),
-            _misbehaves(Misbehaviour.GARBAGE),
-            Setup(),
-        ),
-        _hold(
-            *("network-unsure", "flow there and back disagree", "confidence"),
-            _misbehaves(Misbehaviour.ONE_WAY),
-            Setup(),
-        ),
-        _hold(
-            *("network-slow", "network takes over 0.2 s", "result's age"),
-            _misbehaves(Misbehaviour.SLOW),
-            Setup(),
-        ),
-        dead_network,
-    )
+NETWORK_FAULTS: dict[str, Inject] = {
+    "camera-stops-for-good": _SILENT,
+    "network-nan": _misbehaves(Misbehaviour.NAN),
+    "network-garbage": _misbehaves(Misbehaviour.GARBAGE),
+    "network-unsure": _misbehaves(Misbehaviour.ONE_WAY),
+    "network-slow": _misbehaves(Misbehaviour.SLOW),
+    "network-stuck": _misbehaves(Misbehaviour.STUCK),
+}
+"""Faults beside the network that can misbehave."""

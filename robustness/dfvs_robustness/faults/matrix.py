@@ -16,13 +16,9 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults import invariants
 from dfvs_robustness.faults.case import run_case
-from dfvs_robustness.faults.commander_faults import commander_faults
 from dfvs_robustness.faults.fault import Case, Fault, Outcome
-from dfvs_robustness.faults.frame_faults import frame_faults
 from dfvs_robustness.faults.judging import timed
-from dfvs_robustness.faults.process_faults import process_faults
-from dfvs_robustness.faults.start_faults import start_faults
-from dfvs_robustness.faults.vehicle_faults import vehicle_faults
+from dfvs_robustness.faults.table import all_faults
 from dfvs_robustness.faults.workers import OnResult, Result, no_verdict, run_groups
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import take_precedence
@@ -34,18 +30,6 @@ _ATTEMPTS = 3
 
 _CASES_PER_HARNESS = 30
 """Seeds of one setup share a harness, and a service where it survives, up to so many cases."""
-
-
-def all_faults() -> dict[str, Fault]:
-    """Every fault by its name, in the order of the table."""
-    groups = (
-        frame_faults(),
-        start_faults(),
-        vehicle_faults(),
-        commander_faults(),
-        process_faults(),
-    )
-    return {fault.name: fault for group in groups for fault in group}
 
 
 def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
@@ -74,17 +58,9 @@ def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
 
 
 def run_matrix(cases: Sequence[Case], workers: int, until: float, on_result: OnResult) -> None:
-    """Run cases in processes of their own until all are done or the time is up.
+    """Run cases in processes of their own until all are done, or no more begins at ``until`` (s).
 
     Those that disturb others come last, one at a time.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-    workers : int
-    until : float
-        Monotonic time in s at which no further case is begun.
-    on_result : callable
     """
     faults = all_faults()
     alone = [case for case in cases if faults[case.fault].alone]

@@ -8,27 +8,14 @@ import time
 
 import numpy as np
 
-from dfvs_core.gate.states import Cause, GateState
-from dfvs_robustness.faults.fault import (
-    ANY_ENGAGED,
-    CAPTURE_MS,
-    FLOWN,
-    READY_OR_ENGAGED,
-    Fault,
-    Inject,
-    Reaction,
-    fault,
-)
+from dfvs_robustness.faults.fault import Inject
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
-from dfvs_robustness.harness.setup import Setup
 
-S = GateState
 _HOGS = 2
 """Busy processes for every core."""
 _HOG_S, _THROTTLE_S = 2.0, 1.5
 _RUN_S, _REST_S = 0.03, 0.3
-ROUTER = Setup(via_router=True)
 
 
 def _signals(name: str, number: signal.Signals) -> Inject:
@@ -83,71 +70,16 @@ def _kill_router(harness: Harness, _: np.random.Generator) -> int:
     return harness.camera.last_good_ns
 
 
-def process_faults() -> tuple[Fault, ...]:
-    """Faults of the machine, by the rows of the table."""
-    hold, abort, silence = Reaction.HOLD, Reaction.ABORT, Reaction.SILENCE
-    kill, stop = signal.SIGKILL, signal.SIGSTOP
-    return (
-        fault(
-            ("gate-dies", "gate killed", "exit"),
-            (silence, 100.0, READY_OR_ENGAGED, _signals("gate", kill)),
-            restarts=True,
-        ),
-        fault(
-            ("gate-hangs", "gate stopped", "parent's watch, 0.3 s"),
-            (silence, 400.0, READY_OR_ENGAGED, _signals("gate", stop)),
-            restarts=True,
-        ),
-        fault(
-            ("perception-dies", "perception killed", "frame age"),
-            (hold, CAPTURE_MS, ANY_ENGAGED, _signals("perception", kill)),
-            restarts=True,
-            says=(Cause.FRAME_OLD,),
-        ),
-        fault(
-            ("perception-hangs", "perception stopped", "frame age"),
-            (abort, 3700.0, (S.SERVO,), _signals("perception", stop)),
-            restarts=True,
-            says=(Cause.HOLD_TOO_LONG,),
-        ),
-        fault(
-            ("parent-dies", "parent killed", "its pipe ends"),
-            (abort, 300.0, ANY_ENGAGED, _signals("parent", kill)),
-            restarts=True,
-            says=(Cause.UNSUPERVISED,),
-        ),
-        fault(
-            ("parent-hangs", "parent stopped", "no sign of life for 1 s"),
-            (abort, 1400.0, ANY_ENGAGED, _signals("parent", stop)),
-            restarts=True,
-            says=(Cause.UNSUPERVISED,),
-        ),
-        fault(
-            ("sigterm", "SIGTERM", "handler"),
-            (Reaction.EXIT, 2000.0, READY_OR_ENGAGED, _signals("parent", signal.SIGTERM)),
-            restarts=True,
-            says=(Cause.STOPPED,),
-        ),
-        fault(
-            ("cpu-starved", "two busy processes a core for 2 s", "missed deadlines"),
-            (Reaction.STREAM, 150.0, FLOWN, _starve),
-            alone=True,
-        ),
-        fault(
-            ("throttled", "perception gets a tenth of its time", "frame age"),
-            (hold, CAPTURE_MS, FLOWN, _throttle),
-            says=(Cause.FRAME_OLD,),
-        ),
-        fault(
-            ("disk-full", "no file can grow", "bounded queue"),
-            (Reaction.STREAM, 150.0, FLOWN, _fill_disk),
-            watch_s=1.0,
-            restarts=True,
-        ),
-        fault(
-            ("router-dies", "Zenoh router dies", "silence, frame age"),
-            (hold, CAPTURE_MS, READY_OR_ENGAGED, _kill_router),
-            ROUTER,
-            says=("no camera frame",),
-        ),
-    )
+PROCESS_FAULTS: dict[str, Inject] = {
+    "gate-dies": _signals("gate", signal.SIGKILL),
+    "gate-hangs": _signals("gate", signal.SIGSTOP),
+    "perception-dies": _signals("perception", signal.SIGKILL),
+    "perception-hangs": _signals("perception", signal.SIGSTOP),
+    "parent-dies": _signals("parent", signal.SIGKILL),
+    "parent-hangs": _signals("parent", signal.SIGSTOP),
+    "sigterm": _signals("parent", signal.SIGTERM),
+    "cpu-starved": _starve,
+    "throttled": _throttle,
+    "disk-full": _fill_disk,
+    "router-dies": _kill_router,
+}

@@ -105,27 +105,18 @@ def _rounded(value: float | None) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Results of the matrix.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-    violations : sequence of str
-        Of the invariants, in any run of the service.
-    not_run : int
-        Planned cases without an outcome.
-    command, remark : str
-        Command that made the report, and what its readers should know.
-    answers : mapping or None
-        Document of ``dfvs-robustness answers --json``.
-    """
+    """Results of the matrix."""
 
     rows: Sequence[Row]
     violations: Sequence[str]
+    """Of the invariants, in any run of the service."""
     not_run: int
+    """Planned cases without an outcome."""
     command: str = ""
     remark: str = ""
+    """What its readers should know."""
     answers: Mapping[str, Any] | None = None
+    """Document of ``dfvs-robustness answers --json``."""
 
     @property
     def passed(self) -> bool:

@@ -9,9 +9,9 @@ import time
 import numpy as np
 
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.gate.states import GateState
 from dfvs_core.messages.goal import Mount
-from dfvs_robustness.faults.fault import Fault, Reaction, fault
+from dfvs_robustness.faults.fault import Inject
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import Event
 from dfvs_robustness.harness.service import HarnessError, wait_for_first, wait_until
@@ -25,9 +25,6 @@ _TYPO_S = 20.0
 _TRAVEL_M, _TRAVEL_S = 0.5, 8.0
 _ENGAGED_S = 8.0
 _AT_GOAL_S = 6.0
-_STUCK_MS = 9000.0
-"""Five seconds after the last fall, which may come after the view froze: the vehicle still tilts
-and turns, so that the view, levelled by its attitude, comes nearer once or twice at first."""
 
 
 def _ordered(harness: Harness, _: np.random.Generator) -> int:
@@ -107,76 +104,31 @@ def _misspelt(harness: Harness, _: np.random.Generator) -> int:
     return t_ns
 
 
-def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
-    """A camera that looks another way than the settings say.
+START_FAULTS: dict[str, Inject] = {
+    "wrong-goal": _ordered,
+    "unreachable-goal": _frozen_view,
+    "wrong-mount": _initial_motion,
+    "sideways-mount": _initial_motion,
+    "flies-too-far": _flown_far,
+    "flies-too-long": _flown_long,
+    "holds-too-long": _held_long,
+    "config-typo": _misspelt,
+}
 
-    A case begins before SERVO, where the tilt may tell before the vehicle moves. Every case has a
-    fresh service: the vehicle that is put elsewhere between two cases would turn without its
-    gyroscopes.
-    """
-    return fault(
-        (name, text, "initial-response check: tilt by the images against the gyroscopes"),
-        (Reaction.ABORT, 1000.0, (S.ENGAGE,), _initial_motion),
-        Setup(mount=Mount(yaw_rad=yaw_rad)),
-        restarts=True,
-        spares_frames=True,
-        says=(Cause.WRONG_MOUNTING,),
-    )
+SETUPS = {
+    "wrong-goal": Setup("classical", other_goal=True),
+    "unreachable-goal": Setup(settings=(NO_RESPONSE_CHECK,)),
+    "wrong-mount": Setup(mount=Mount(yaw_rad=math.pi)),
+    "sideways-mount": Setup(mount=Mount(yaw_rad=math.pi / 2)),
+    "flies-too-far": Setup(settings=(f"limits.max_distance_m={_TRAVEL_M}",)),
+    "flies-too-long": Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
+    "holds-too-long": Setup(settings=(f"gate.hold_visual_s={_AT_GOAL_S}",)),
+}
+"""What is wrong from the start.
 
-
-def start_faults() -> tuple[Fault, ...]:
-    """Faults of what the service is given, by the rows of the table."""
-    return (
-        fault(
-            ("wrong-goal", "goal of another place", "overlap at preflight"),
-            (Reaction.REFUSED, 0.0, (S.PREFLIGHT,), _ordered),
-            Setup("classical", other_goal=True),
-            watch_s=2.5,
-        ),
-        fault(
-            ("unreachable-goal", "error does not fall however it flies", "no fall in 5 s"),
-            (Reaction.ABORT, _STUCK_MS, (S.SERVO,), _frozen_view),
-            Setup(settings=(NO_RESPONSE_CHECK,)),
-            spares_frames=True,
-            says=(Cause.GOAL_LOST,),
-        ),
-        _turned_mount("wrong-mount", "camera mounted backwards", math.pi),
-        _turned_mount("sideways-mount", "camera mounted sideways", math.pi / 2),
-        fault(
-            (
-                "flies-too-far",
-                f"further from where it was engaged than {_TRAVEL_M} m",
-                "travel cap",
-            ),
-            (Reaction.ABORT, 200.0, (S.SERVO,), _flown_far),
-            Setup(settings=(f"limits.max_distance_m={_TRAVEL_M}",)),
-            restarts=True,
-            spares_frames=True,
-            says=(Cause.DISTANCE_CAP,),
-        ),
-        fault(
-            ("flies-too-long", f"engaged for over {_ENGAGED_S} s", "time cap"),
-            (Reaction.ABORT, 200.0, (S.SERVO, S.HOLD), _flown_long),
-            Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
-            restarts=True,
-            spares_frames=True,
-            says=(Cause.TIME_CAP,),
-        ),
-        fault(
-            (
-                "holds-too-long",
-                f"at the goal, held by vision, for over {_AT_GOAL_S} s",
-                "time cap",
-            ),
-            (Reaction.ABORT, 200.0, (S.DONE,), _held_long),
-            Setup(settings=(f"gate.hold_visual_s={_AT_GOAL_S}",)),
-            restarts=True,
-            spares_frames=True,
-            says=(Cause.TIME_CAP,),
-        ),
-        fault(
-            ("config-typo", "setting that does not exist", "strict schema, exit code 2"),
-            (Reaction.IGNORED, 0.0, (S.READY,), _misspelt),
-            spares_frames=True,
-        ),
-    )
+A case of a turned mounting begins before SERVO, where the tilt may tell before the vehicle moves.
+Every such case has a fresh service: the vehicle that is put elsewhere between two cases would turn
+without its gyroscopes. The limit of ``unreachable-goal`` is five seconds after the last fall, which
+may come after the view froze: the vehicle still tilts and turns, so that the view, levelled by its
+attitude, comes nearer once or twice at first.
+"""

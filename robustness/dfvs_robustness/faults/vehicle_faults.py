@@ -1,21 +1,12 @@
 """Faults of the vehicle, its link and its pilot."""
 
-import functools
 import time
 from collections.abc import Sequence
 
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_core.gate.states import Cause
-from dfvs_robustness.faults.fault import (
-    ANY_ENGAGED,
-    READY_OR_ENGAGED,
-    Fault,
-    Inject,
-    Reaction,
-    fault,
-)
+from dfvs_robustness.faults.fault import Inject
 from dfvs_robustness.harness.environment import BATTERY, GPS
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import MODE_REPORTS
@@ -27,7 +18,6 @@ MS = 1_000_000
 _HEARTBEAT_S = 1.5
 _OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
 _STICKS_NS = 10_000 * MS
-_fault = functools.partial(fault, spares_frames=True)
 
 
 def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
@@ -70,44 +60,12 @@ def _injected(unit: int, kind: int) -> Inject:
     return lambda harness, _: harness.environment.inject(unit, kind)
 
 
-def vehicle_faults() -> tuple[Fault, ...]:
-    """Faults of vehicle and pilot, by the rows of the table."""
-    abort, released = Reaction.ABORT, Reaction.RELEASED
-    return (
-        _fault(
-            ("link-lost", "autopilot link lost", "telemetry over 0.5 s old"),
-            (abort, 700.0, READY_OR_ENGAGED, lambda harness, _: harness.environment.silence()),
-            says=(Cause.TELEMETRY_LOST, "frames:"),
-            cuts_link=True,
-        ),
-        _fault(
-            ("heartbeat-lost", "no heartbeat, telemetry goes on", "heartbeat over 2 s old"),
-            (abort, 2100.0, READY_OR_ENGAGED, _heartbeat_lost),
-            says=(Cause.HEARTBEAT_LOST,),
-        ),
-        _fault(
-            ("takeover", "pilot takes over", "mode"),
-            (released, 50.0, ANY_ENGAGED, _taken_over),
-            says=(Cause.TAKEOVER,),
-        ),
-        _fault(
-            ("disarmed", "disarmed in the air", "state"),
-            (released, 50.0, ANY_ENGAGED, _disarmed),
-            says=(Cause.DISARMED,),
-        ),
-        _fault(
-            ("estimator-invalid", "estimator loses the position", "estimator's flags, mode"),
-            (Reaction.ENDED, 200.0, READY_OR_ENGAGED, _injected(GPS, _OFF)),
-            says=(Cause.ESTIMATOR_INVALID, Cause.TAKEOVER),
-        ),
-        _fault(
-            ("estimator-jumps", "position estimate jumps 2 m", "jump"),
-            (abort, 200.0, ANY_ENGAGED, _injected(GPS, _WRONG)),
-            says=(Cause.ESTIMATOR_JUMP,),
-        ),
-        _fault(
-            ("battery-low", "battery low", "threshold"),
-            (abort, 1000.0, READY_OR_ENGAGED, _injected(BATTERY, _OFF)),
-            says=(Cause.BATTERY_LOW,),
-        ),
-    )
+VEHICLE_FAULTS: dict[str, Inject] = {
+    "link-lost": lambda harness, _: harness.environment.silence(),
+    "heartbeat-lost": _heartbeat_lost,
+    "takeover": _taken_over,
+    "disarmed": _disarmed,
+    "estimator-invalid": _injected(GPS, _OFF),
+    "estimator-jumps": _injected(GPS, _WRONG),
+    "battery-low": _injected(BATTERY, _OFF),
+}

@@ -1,26 +1,13 @@
-"""Violations of invariants, the episodes that lead to them, and JSON files of these."""
+"""Violations of invariants, and the episodes that lead to them."""
 
-import json
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Generic, TypeVar
-
-from dfvs_core.errors import ConfigError
+from typing import Generic, TypeVar
 
 E = TypeVar("E")
 
 
 class InvariantError(Exception):
-    """An invariant does not hold.
-
-    Parameters
-    ----------
-    rule : str
-        Its name, such as I1.
-    text : str
-        What was seen instead.
-    """
+    """An invariant, named by its rule (such as I1), does not hold; the text says what was seen."""
 
     def __init__(self, rule: str, text: str) -> None:
         self.rule = rule
@@ -35,57 +22,3 @@ class Finding(Generic[E]):
     episode: E
     rule: str
     text: str
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayFormat(Generic[E]):
-    """Files of findings, from which their episodes are replayed.
-
-    Parameters
-    ----------
-    name : str
-        Name of the format, in every file.
-    dump : callable
-        Takes an episode to what JSON can hold.
-    build : callable
-        Makes an episode of that again.
-    """
-
-    name: str
-    dump: Callable[[E], dict[str, Any]]
-    build: Callable[[dict[str, Any]], E]
-
-    def write(self, finding: Finding[E], path: Path) -> None:
-        """Write a finding; NaN and infinity are kept, as Python's JSON knows them.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be written.
-        """
-        head = {"format": self.name, "rule": finding.rule, "text": finding.text}
-        text = json.dumps(head | self.dump(finding.episode), indent=1) + "\n"
-        try:
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(
-                f"cannot write {path} ({error.strerror})", "a writable folder"
-            ) from error
-
-    def read(self, path: Path) -> E:
-        """Episode of a finding.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be read or is not of this format.
-        """
-        try:
-            document = json.loads(path.read_text(encoding="utf-8"))
-            if document["format"] != self.name:
-                raise ConfigError(f"{path} has format {document['format']!r}", repr(self.name))
-            return self.build(document)
-        except OSError as error:
-            raise ConfigError(f"cannot read {path} ({error.strerror})", "a replay file") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise ConfigError(f"{path} is no replay ({error!r})", repr(self.name)) from error

@@ -11,12 +11,7 @@ T = TypeVar("T")
 class RandomSource:
     """Scalar draws from a generator, ten times as fast as asking it for each one.
 
-    Parameters
-    ----------
-    rng : np.random.Generator
-        Where the numbers come from; the same generator gives the same throws.
-    batch : int
-        How many numbers are drawn at a time.
+    The same generator gives the same throws; ``batch`` numbers are drawn at a time.
     """
 
     def __init__(self, rng: np.random.Generator, batch: int = 4096) -> None:

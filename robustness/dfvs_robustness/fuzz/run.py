@@ -5,15 +5,18 @@ What fails is made as short as possible.
 
 import functools
 import itertools
+import json
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from multiprocessing.pool import Pool
-from typing import Generic, Self, TypeVar
+from pathlib import Path
+from typing import Any, Generic, Self, TypeVar
 
 from dfvs_common.child import end_worker_with_parent
+from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.finding import Finding, InvariantError
 
 EPISODES_PER_JOB = 8
@@ -42,24 +45,51 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Target(Generic[T, E]):
-    """What is fuzzed; its functions are found by name in every process.
-
-    Parameters
-    ----------
-    tally : callable
-        Gives an empty tally.
-    run_episode : callable
-        Runs the episode of (seed, number), counts it in the tally, and returns what it found.
-    replay : callable
-        Runs an episode again; returns the first violation.
-    shorten : callable
-        Makes an episode as short as possible that still fails.
-    """
+    """What is fuzzed; its functions are found by name in every process."""
 
     tally: Callable[[], T]
+    """Gives an empty tally."""
     run_episode: Callable[[tuple[int, int], T], Finding[E] | None]
+    """Runs the episode of (seed, number), counts it in the tally, and returns what it found."""
     replay: Callable[[E], InvariantError | None]
+    """Runs an episode again; returns the first violation."""
     shorten: Callable[[E, Callable[[E], bool]], E]
+    """Makes an episode as short as possible that still fails."""
+    format: str
+    """Name of the format of its findings, in every file."""
+    dump: Callable[[E], dict[str, Any]]
+    """Takes an episode to what JSON can hold."""
+    build: Callable[[dict[str, Any]], E]
+    """Makes an episode of that again."""
+
+    def write(self, finding: Finding[E], path: Path) -> None:
+        """Write a finding; NaN and infinity are kept, as Python's JSON knows them.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be written.
+        """
+        head = {"format": self.format, "rule": finding.rule, "text": finding.text}
+        text = json.dumps(head | self.dump(finding.episode), indent=1) + "\n"
+        try:
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(
+                f"cannot write {path} ({error.strerror})", "a writable folder"
+            ) from error
+
+    def read(self, path: Path) -> E:
+        """Episode of a finding; ConfigError if the file cannot be read or is not of this format."""
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if document["format"] != self.format:
+                raise ConfigError(f"{path} has format {document['format']!r}", repr(self.format))
+            return self.build(document)
+        except OSError as error:
+            raise ConfigError(f"cannot read {path} ({error.strerror})", "a replay file") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(f"{path} is no replay ({error!r})", repr(self.format)) from error
 
     def shrink(self, finding: Finding[E]) -> Finding[E]:
         """Return a finding as short as possible that violates the same invariant."""
@@ -104,22 +134,9 @@ def run_episodes(
     seed: int,
     on_progress: Callable[[Outcome[T, E]], None],
 ) -> Outcome[T, E]:
-    """Run episodes until they hold so many events.
+    """Run episodes until they hold so many events; ``on_progress`` is told what was found so far.
 
     The episodes are numbered, and episode n of a seed is always the same, whatever the workers.
-
-    Parameters
-    ----------
-    target : Target
-        What is fuzzed.
-    events : int
-        Least number of events.
-    workers : int
-        Processes.
-    seed : int
-        Of all episodes.
-    on_progress : callable
-        Called with what was found so far.
     """
     total: Outcome[T, E] = Outcome(target.tally())
     with _outcomes(target, workers, seed) as outcomes:

@@ -43,15 +43,9 @@ Script = Callable[[CapturedFrame], list[Packet]]
 
 
 class ScriptedCamera:
-    """Takes images of a wall; a script decides what is published of them.
+    """Takes images of a wall; a script decides which payload and attachment are published of them.
 
-    Parameters
-    ----------
-    wall : Wall
-    pixel_format : PixelFormat
-        JPEG, or RGB8 where colours must arrive as they are.
-    publish : callable
-        Takes payload and attachment.
+    The format is JPEG, or RGB8 where colours must arrive as they are.
     """
 
     def __init__(

@@ -51,14 +51,8 @@ _PILOT_S, _PILOT_POLL_S = 2.0, 0.05
 class Environment:
     """Vehicle and camera in real time.
 
-    Parameters
-    ----------
-    record : Path
-        Where the vehicle's record goes.
-    port : int
-        UDP port on which the service listens for the vehicle.
-    rng : numpy.random.Generator
-        Of the vehicle's noise and delays.
+    The vehicle's record goes into a file, and its datagrams to the service's UDP port; ``rng`` is
+    of its noise and delays.
     """
 
     def __init__(self, record: Path, port: int, rng: np.random.Generator) -> None:
@@ -266,13 +260,7 @@ class Environment:
 
 
 def take_off(px4: Px4, begin_ns: int) -> None:
-    """Fly from the ground to a hover within ``AHEAD_NS``, as fast as it can be computed.
-
-    Raises
-    ------
-    RuntimeError
-        If the vehicle does not hover then.
-    """
+    """Fly from the ground to a hover within ``AHEAD_NS``, as fast as it can be computed."""
     t_ns, asked = begin_ns, False
     while t_ns < begin_ns + AHEAD_NS:
         t_ns += STEP_NS

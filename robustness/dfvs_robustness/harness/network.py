@@ -42,73 +42,12 @@ class Misbehaviour(enum.Enum):
 
 _TRIPS = {Misbehaviour.SLOW: 400_000, Misbehaviour.STUCK: 1 << 50}
 """Rounds of the loop that delays the network."""
-_GRAPH = """
-<ir_version: 8, opset_import: ["": 17]>
-ramp (float[1, 3, $height, $width] current, float[1, 3, $height, $width] other)
-    => (float[1, 2, $height, $width] flow)
-<
-    int64[2] channels = {2, 1}, float tolerance = {0.04}, float shift_px = {9},
-    # Keeps the flow finite where both ramps run the same way; on the wall it is 1e-5
-    float least_det = {1e-9},
-    bool always = {1}, float nought = {0}, float one = {1}, float[1] start = {0}
->
-{
-    # Red and green at the centre, and their slopes per px along u and v, each (2, 2, 1, 1)
-    images = Concat<axis = 0>(current, other)
-    colours, blues = Split<axis = 1>(images, channels)
-    left, right = Split<axis = 3>(colours)
-    top, bottom = Split<axis = 2>(colours)
-    centres = ReduceMean<axes = [2, 3]>(colours)
-    at_left = ReduceMean<axes = [2, 3]>(left) at_right = ReduceMean<axes = [2, 3]>(right)
-    at_top = ReduceMean<axes = [2, 3]>(top) at_bottom = ReduceMean<axes = [2, 3]>(bottom)
-    rise_u = Sub(at_right, at_left) slopes_u = Mul(rise_u, per_width)
-    rise_v = Sub(at_bottom, at_top) slopes_v = Mul(rise_v, per_height)
-
-    # Red and green of each pixel of the current image, from the centre of the other
-    centre, other_centre = Split<axis = 0>(centres)
-    along_u, other_u = Split<axis = 0>(slopes_u)
-    along_v, other_v = Split<axis = 0>(slopes_v)
-    by_u = Mul(along_u, u) by_v = Mul(along_v, v) rise = Add(by_u, by_v)
-    offset = Sub(centre, other_centre) wanted = Add(rise, offset)
-
-    # Where the other image has them: [[a, b], [c, d]] (at_u, at_v) = (red, green)
-    a, c = Split<axis = 1>(other_u)
-    b, d = Split<axis = 1>(other_v)
-    red, green = Split<axis = 1>(wanted)
-    ad = Mul(a, d) bc = Mul(b, c) ad_bc = Sub(ad, bc) det = Add(ad_bc, least_det)
-    d_red = Mul(d, red) b_green = Mul(b, green) det_u = Sub(d_red, b_green)
-    a_green = Mul(a, green) c_red = Mul(c, red) det_v = Sub(a_green, c_red)
-    at_u = Div(det_u, det) flow_u = Sub(at_u, u)
-    at_v = Div(det_v, det) flow_v = Sub(at_v, v)
-    true_flow = Concat<axis = 1>(flow_u, flow_v)
-
-    # 1 for the misbehaviour that the current image's blue asks for, else 0: (1, 1, 1, 5)
-    blue, other_blue = Split<axis = 0>(blues)
-    level = ReduceMean<axes = [2, 3]>(blue)
-    difference = Sub(level, shares) off = Abs(difference) is_asked = Less(off, tolerance)
-    asked = Cast<to = 1>(is_asked)
-    nan, is_garbage, one_way, slow, stuck = Split<axis = 3>(asked)
-    noise = Mul(garbage, is_garbage) noisy = Add(true_flow, noise)
-    shift = Mul(shift_px, one_way) shifted = Add(noisy, shift)
-
-    # Zero (1,), after as many rounds of a loop as were asked for
-    counts = Cast<to = 7>(asked) asked_trips = Mul(counts, trips)
-    all_trips = ReduceSum<keepdims = 0>(asked_trips)
-    delay = Loop(all_trips, always, start) <body = round (int64 i, bool go, float[1] x)
-        => (bool on, float[1] y) { on = Identity(go) y = Sin(x) }>
-    late = Add(shifted, delay)
-
-    # 0 / 0 where chosen
-    zero = Mul(nan, nought) rest = Sub(one, nan) share = Div(zero, rest)
-    flow = Add(late, share)
-}
-"""
 
 
 def faulty_network() -> onnx.ModelProto:
     """Build the network."""
-    text = string.Template(_GRAPH).substitute(width=WIDTH, height=HEIGHT)
-    model = onnx.parser.parse_model(text)
+    graph = string.Template(Path(__file__).with_suffix(".onnxtxt").read_text(encoding="utf-8"))
+    model = onnx.parser.parse_model(graph.substitute(width=WIDTH, height=HEIGHT))
     garbage = np.random.default_rng(0).normal(0.0, _GARBAGE_PX, (1, 2, HEIGHT, WIDTH))
     constants: dict[str, NDArray[Any]] = {
         "u": (np.arange(WIDTH) + 0.5 - WIDTH / 2).astype(np.float32),

@@ -72,15 +72,7 @@ class GateLog:
 
 
 class ServiceProcess:
-    """One run of the service.
-
-    Parameters
-    ----------
-    words : list of str
-        Arguments of ``dfvs-service``, without the runtime folder.
-    runtime : Path
-        New and empty.
-    """
+    """One run of ``dfvs-service`` with these words, and a runtime folder that is new and empty."""
 
     def __init__(self, words: list[str], runtime: Path) -> None:
         runtime.mkdir(parents=True)
@@ -228,13 +220,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float, poll_s: float = 
 
 
 def wait_for_first(found: Callable[[], Sequence[T]], timeout_s: float, problem: str) -> T:
-    """First item of what is found, as soon as there is one.
-
-    Raises
-    ------
-    HarnessError
-        With the problem, if nothing is found in time.
-    """
+    """First item of what is found, as soon as there is one; else HarnessError with the problem."""
     if not wait_until(lambda: bool(found()), timeout_s):
         raise HarnessError(problem)
     return found()[0]

@@ -68,15 +68,9 @@ class Pose:
 
 
 class Wall:
-    """Renders a texture on the wall, with a sensor's noise.
+    """Renders a texture (H, W, 3), uint8 RGB, on the wall for a camera without distortion.
 
-    Parameters
-    ----------
-    texture : (H, W, 3) uint8 RGB
-    camera : CameraModel
-        Without distortion.
-    rng : numpy.random.Generator
-        For the noise.
+    ``rng`` makes a sensor's noise.
     """
 
     def __init__(self, texture: ImageArray, camera: CameraModel, rng: np.random.Generator) -> None:

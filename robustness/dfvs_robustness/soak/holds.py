@@ -37,18 +37,10 @@ class Hold:
 def explain(
     t_ns: int, cause: str, published_ns: Iterable[int], servo: Iterable[Mapping[str, Any]]
 ) -> Hold:
-    """What led to a hold.
+    """What led to a hold at ``t_ns`` (monotonic) with this cause.
 
-    Parameters
-    ----------
-    t_ns : int
-        When the gate held, monotonic.
-    cause : str
-        Its words.
-    published_ns : iterable of int
-        When images were published, in order.
-    servo : iterable of mapping
-        Telemetry of the frames, in order.
+    ``published_ns`` says when images were published, and ``servo`` is the telemetry of the frames,
+    both in order.
     """
     begin_ns = t_ns - _LOOKED_AT_NS
     sent = [t for t in published_ns if begin_ns <= t <= t_ns]

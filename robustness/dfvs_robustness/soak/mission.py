@@ -14,11 +14,10 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
-from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.flight import Flight, FlightError, FlightSession, Log, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
-from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
+from dfvs_sim.demo.options import USUAL_ESTIMATE, VEHICLE_NAME, Conditions, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import camera_pose
@@ -57,14 +56,8 @@ class MissionOptions:
 class Mission(Flight):
     """A flight that goes on from goal to goal, by signed commands, until the time is over.
 
-    Parameters
-    ----------
-    plan : FlightPlan
-        Start and goal: the mission goes to and fro between places near these two.
-    mission : MissionOptions
-        Its folder exists; it takes goals, logs and records.
-    log : callable
-        Takes one line for the user at every step.
+    It goes to and fro between places near the plan's start and goal. The folder, which exists,
+    takes goals, logs and records; ``log`` takes one line for the user at every step.
     """
 
     def __init__(self, plan: FlightPlan, mission: MissionOptions, log: Log) -> None:

@@ -42,12 +42,7 @@ class Sample:
 class Sampler:
     """Samples a process and its children on a thread of its own.
 
-    Parameters
-    ----------
-    pid : int
-        Of the process that started the others.
-    latency_ms : callable
-        Gives p50 and p99 of perception's newest latencies, None where nothing is known.
+    ``latency_ms`` gives p50 and p99 of perception's newest latencies, None where nothing is known.
     """
 
     def __init__(self, pid: int, latency_ms: Callable[[], tuple[float, float] | None]) -> None:

@@ -114,22 +114,15 @@ def latency_figures(samples: list[Sample]) -> dict[str, float | None]:
 
 
 def robust_slope(t: FloatArray, y: FloatArray) -> Slope:
-    """Sen's slope of block medians, with Sen's interval.
+    """Sen's slope of block medians, with Sen's interval, of y (N,) at ascending times t (N,).
 
     Neighbouring samples of a process's memory are nearly the same number, so that as many samples
     do not count as much evidence: the series is cut into up to 24 blocks of equal time first.
 
-    Parameters
-    ----------
-    t : (N,)
-        Times, ascending; N >= 4 with at least 4 different blocks.
-    y : (N,)
-        Values.
-
     Raises
     ------
     ValueError
-        If there are too few samples.
+        If there are fewer than 4 samples, or different blocks.
     """
     block = np.minimum((t - t[0]) / (t[-1] - t[0]) * _BLOCKS, _BLOCKS - 1).astype(int)
     filled = np.unique(block)

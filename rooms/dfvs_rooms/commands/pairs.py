@@ -3,7 +3,6 @@
 import argparse
 import functools
 import json
-import re
 import sys
 import time
 import zlib
@@ -22,6 +21,7 @@ from dfvs_rooms.lighting.bake import light_room
 from dfvs_rooms.pairs.evaluation import PairSampler, ViewPair, evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
+from dfvs_sim.options import parse_seeds, require_range
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import Scene
@@ -66,17 +66,10 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw and write the pairs; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option or a scene cannot be used.
-    """
+    """Draw and write the pairs; exit code 0."""
     if not 1 <= args.count <= _MAX_PAIRS:
         raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    require_range(args, 0, None, "seed")
     write = _write_wide if args.format == "wide" else _write_file
     written = write(args, _scenes(args))
     report = {"pairs": sum(written.values()), "files": [str(path) for path in written]}
@@ -100,20 +93,19 @@ def _scenes(args: argparse.Namespace) -> _Scenes:
         if len(set(names)) < len(names):
             raise ConfigError(f"scenes are named {', '.join(names)}", "names of their own")
         return {path.stem: functools.partial(load_glb, path) for path in args.scene}
-    seeds = _seeds(args.rooms)
+    seeds = parse_seeds(args.rooms, "--rooms", "seeds such as 1000-1031")
+    if seeds[0] <= BENCHMARK_SEEDS[-1] and seeds[-1] >= BENCHMARK_SEEDS[0]:
+        raise ConfigError(
+            f"--rooms is {args.rooms!r}",
+            f"other seeds than {BENCHMARK_SEEDS[0]} to {BENCHMARK_SEEDS[-1]}, the benchmark's own",
+        )
     if args.format == "wide":
         require_training(seeds[0], seeds[-1])
     return {str(seed): functools.partial(_lit_room, seed, kinds) for seed in seeds}
 
 
 def _kinds(words: str | None) -> tuple[str, ...]:
-    """Kinds of rooms of ``A,B``; none where nothing is said.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such kind.
-    """
+    """Kinds of rooms of ``A,B``; none where nothing is said."""
     if words is None:
         return ()
     kinds = ROOM_KINDS if words == "all" else tuple(words.split(","))
@@ -131,26 +123,6 @@ def _lit_room(seed: int, kinds: tuple[str, ...]) -> Scene:
     else:
         room = drawn_interior(seed)
     return light_room(room, seed)
-
-
-def _seeds(words: str) -> range:
-    """Seeds A to B of ``A-B``, or the one of ``A``.
-
-    Raises
-    ------
-    ConfigError
-        If it is neither, or takes in a seed that is kept for the benchmark.
-    """
-    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
-    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-    if last < first:
-        raise ConfigError(f"--rooms is {words!r}", "seeds such as 1000-1031")
-    if first <= BENCHMARK_SEEDS[-1] and last >= BENCHMARK_SEEDS[0]:
-        raise ConfigError(
-            f"--rooms is {words!r}",
-            f"other seeds than {BENCHMARK_SEEDS[0]} to {BENCHMARK_SEEDS[-1]}, the benchmark's own",
-        )
-    return range(first, last + 1)
 
 
 def _write_wide(args: argparse.Namespace, scenes: _Scenes) -> dict[Path, int]:

@@ -8,8 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dfvs_common.command_line import require_file
-from dfvs_core.errors import ConfigError
+from dfvs_common.command_line import require_ending, require_file
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.image import encode_png
@@ -18,6 +17,7 @@ from dfvs_rooms.lighting.bake import bake_room, light_room
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
 from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M
 from dfvs_rooms.room_types.room_types import LIVING_ROOM, REPETITIVE_KINDS, ROOM_KINDS, room_of_kind
+from dfvs_sim.options import require_range
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
@@ -65,18 +65,10 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the room; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If an option cannot be used or Mitsuba is not installed.
-    """
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    """Make the room; exit code 0."""
+    require_range(args, 0, None, "seed")
     for option, path, ending in (("--out", args.out, ".glb"), ("--preview", args.preview, ".png")):
-        if path is not None and path.suffix.lower() != ending:
-            raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
+        require_ending(option, path, ending)
         require_file(option, path)
     settings = BakeSettings(samples=args.samples, seed=args.seed)
     if args.light == "traced":

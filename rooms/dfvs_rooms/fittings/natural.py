@@ -22,25 +22,16 @@ CHERRY: tuple[Colour, ...] = ((0.64, 0.38, 0.24), (0.55, 0.30, 0.18), (0.42, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """Colours of one place.
-
-    Parameters
-    ----------
-    walls : tuple of Colour
-        Wall paints.
-    wood : tuple of Colour
-        From the light to the dark of the wood that most furniture is of.
-    front : Colour
-        Painted doors and furniture.
-    cloth, accent : Colour
-        Upholstery; cushions, patterns, things to be noticed.
-    """
+    """Colours of one place."""
 
     walls: tuple[Colour, ...]
     wood: tuple[Colour, ...]
+    """From the light to the dark of the wood that most furniture is of."""
     front: Colour
+    """Painted doors and furniture."""
     cloth: Colour
     accent: Colour
+    """Cushions, patterns, things to be noticed; ``cloth`` is upholstery."""
 
 
 PALETTES = (

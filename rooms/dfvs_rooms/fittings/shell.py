@@ -17,18 +17,11 @@ _SKIRTING_M = 0.016
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """Materials of a shell.
-
-    Parameters
-    ----------
-    floor, ceiling, skirting : str
-        Nothing, for none.
-    walls : tuple of str
-        North, east, south and west.
-    """
+    """Materials of a shell; an empty name stands for none."""
 
     floor: str
     walls: tuple[str, str, str, str]
+    """North, east, south and west."""
     ceiling: str = "ceiling"
     skirting: str = "white"
 

@@ -19,30 +19,20 @@ from dfvs_rooms.generator.solids import Part, box, panel, placed
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a kind of interior is like. Pairs are (least, most), sizes in m.
-
-    Parameters
-    ----------
-    length_m, width_m, height_m : tuple of float
-        Size of the room.
-    along_walls, in_the_middle : tuple of callable
-        What may stand there.
-    crowd : tuple of float
-        Things along the walls per metre of wall.
-    islands : tuple of int
-        Things in the middle.
-    window_share : float
-        How often it has windows.
-    """
+    """What a kind of interior is like. Pairs are (least, most), sizes in m."""
 
     length_m: tuple[float, float]
     width_m: tuple[float, float]
     height_m: tuple[float, float]
     along_walls: tuple[pieces.Draw, ...]
     in_the_middle: tuple[pieces.Draw, ...]
+    """What may stand there."""
     crowd: tuple[float, float]
+    """Things along the walls per metre of wall."""
     islands: tuple[int, int]
+    """Things in the middle."""
     window_share: float
+    """How often it has windows."""
 
 
 KINDS: dict[str, Kind] = {

@@ -21,20 +21,13 @@ _OPENING_BEFORE_WALL_M, _PANE_BEFORE_WALL_M = 0.07, 0.002
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A thing with its front to -y; its foot's middle (its back's, if it hangs) at the origin.
-
-    Parameters
-    ----------
-    parts : tuple of Part
-        Its meshes.
-    width_m, depth_m, height_m : float
-        Its extent along x, y and z, m; of what hangs, upwards from its middle.
-    """
+    """A thing with its front to -y; its foot's middle (its back's, if it hangs) at the origin."""
 
     parts: tuple[Part, ...]
     width_m: float
     depth_m: float
     height_m: float
+    """Its extent along x, y and z, m; of what hangs, upwards from its middle."""
 
     @classmethod
     def standing(cls, parts: Sequence[Part]) -> Piece:
@@ -69,23 +62,10 @@ class Wall:
 
 
 class Layout:
-    """A room while it is being furnished.
+    """A room while it is being furnished, in places that ``rng`` draws.
 
-    Parameters
-    ----------
-    size_m : tuple of float
-        Length (east-west), width (north-south) and height, m.
-    rng : numpy.random.Generator
-        Draws the places.
-
-    Attributes
-    ----------
-    parts : list of Part
-        All that is in it.
-    openings : list of Opening
-        Windows that light it.
-    sky : Sky, optional
-        Where it has no roof.
+    Its size is length (east-west), width (north-south) and height, m. ``openings`` are the windows
+    that light it, ``sky`` is where it has no roof.
     """
 
     def __init__(self, size_m: tuple[float, float, float], rng: np.random.Generator) -> None:

@@ -11,25 +11,18 @@ from dfvs_rooms.surfaces.materials import Material
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A rectangle of skylight that looks into the room, in room axes.
-
-    Parameters
-    ----------
-    middle_m : tuple of float
-        Its middle (3,), m.
-    turn_deg : float
-        Turn of the wall that it is in, as of things that stand against it; 0 is the north wall.
-    size_m : tuple of float
-        Width and height, m.
-    before_pane_m : float
-        How far it stands before the pane, m: points of light that stand for it shine past the frame
-        from there, but as a surface it would hide the frame.
-    """
+    """A rectangle of skylight that looks into the room, in room axes."""
 
     middle_m: tuple[float, float, float]
+    """Its middle (3,), m."""
     turn_deg: float
+    """Turn of the wall that it is in, as of things that stand against it; 0 is the north wall."""
     size_m: tuple[float, float]
+    """Width and height, m."""
     before_pane_m: float = 0.0
+    """How far it stands before the pane, m: points of light that stand for it shine past the frame
+    from there, but as a surface it would hide the frame.
+    """
 
     @property
     def pane_middle(self) -> FloatArray:
@@ -51,22 +44,15 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Sky:
-    """Sun and sky over a place without a roof, in room axes (z up).
-
-    Parameters
-    ----------
-    sun_azimuth_deg, sun_height_deg : float
-        Where the sun stands: from east to north, and above the horizon.
-    sun_irradiance : tuple of float
-        Red, green and blue on a surface that faces the sun.
-    radiance : tuple of float
-        Red, green and blue of the sky, everywhere the same.
-    """
+    """Sun and sky over a place without a roof, in room axes (z up)."""
 
     sun_azimuth_deg: float
     sun_height_deg: float
+    """Above the horizon; the azimuth counts from east to north."""
     sun_irradiance: tuple[float, float, float] = (24.0, 21.5, 17.5)
+    """Red, green and blue on a surface that faces the sun."""
     radiance: tuple[float, float, float] = (2.6, 3.1, 4.0)
+    """Red, green and blue of the sky, everywhere the same."""
 
     @property
     def to_sun(self) -> FloatArray:

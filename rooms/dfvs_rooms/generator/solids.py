@@ -21,31 +21,21 @@ EDGE_M = 0.09
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A piece of mesh of one material.
-
-    Parameters
-    ----------
-    vertices, normals : (N, 3) float64
-        Positions in room axes, m, and outward unit normals.
-    uv : (N, 2) float64
-        Texture coordinates, m (or 0 to 1 where stretched).
-    triangles : (M, 3) int32
-        Vertex indices, anticlockwise seen from outside.
-    material : str
-        Name of the material.
-    is_sheet : bool
-        Thin: lit and seen from both sides.
-    emission : float
-        Light given off, relative to a lit white wall; 0 for things that do not shine.
-    """
+    """A piece of mesh of one material."""
 
     vertices: FloatArray
     normals: FloatArray
+    """Both (N, 3) float64: positions in room axes, m, and outward unit normals."""
     uv: FloatArray
+    """(N, 2) float64: texture coordinates, m (or 0 to 1 where stretched)."""
     triangles: Int32Array
+    """(M, 3) int32: vertex indices, anticlockwise seen from outside."""
     material: str
+    """Name of the material."""
     is_sheet: bool = False
+    """Thin: lit and seen from both sides."""
     emission: float = 0.0
+    """Light given off, relative to a lit white wall; 0 for things that do not shine."""
 
     def moved(self, x: float, y: float, z: float = 0.0, turn_deg: float = 0.0) -> Part:
         """Turn anticlockwise about the vertical axis, then shift."""

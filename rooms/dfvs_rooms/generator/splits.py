@@ -13,13 +13,7 @@ SPLITS = {
 
 
 def require_training(first: int, last: int) -> None:
-    """Refuse seeds to train on that are kept for something else.
-
-    Raises
-    ------
-    ConfigError
-        If one of them is outside of the training split.
-    """
+    """Refuse seeds to train on that are kept for something else."""
     seeds = SPLITS["training"]
     if first not in seeds or last not in seeds:
         raise ConfigError(

@@ -32,18 +32,12 @@ _DARKEST_SLOPE = 0.15
 
 @dataclass(frozen=True, slots=True)
 class LightPoints:
-    """By how many points the light is told: the more, the smoother and the slower.
-
-    Parameters
-    ----------
-    per_opening : int
-        Points of sky in each window.
-    bounce : int
-        Points on surfaces that send on what falls on them.
-    """
+    """By how many points the light is told: the more, the smoother and the slower."""
 
     per_opening: int = 6
+    """Points of sky in each window."""
     bounce: int = 56
+    """Points on surfaces that send on what falls on them."""
 
 
 ROUGH, FINE = LightPoints(), LightPoints(16, 150)

@@ -45,17 +45,10 @@ class BakeError(DfvsError):
 
 @dataclass(frozen=True, slots=True)
 class BakeSettings:
-    """How finely the light is computed.
-
-    Parameters
-    ----------
-    samples : int
-        Light paths per vertex.
-    seed : int
-        Seed of the sampler.
-    """
+    """How finely the light is computed."""
 
     samples: int = 256
+    """Light paths per vertex."""
     seed: int = 0
 
     def __post_init__(self) -> None:

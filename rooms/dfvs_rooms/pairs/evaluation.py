@@ -43,38 +43,22 @@ _LEAST_OVERLAP = 0.35
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewPair:
-    """Two views of one scene by ``EVALUATION_CAMERA``.
-
-    Parameters
-    ----------
-    poses : tuple of (4, 4)
-        ``T_world_a`` and ``T_world_b``, NED.
-    views : tuple of View
-        Image and depth of each.
-    flow : (H, W, 2) float32
-        px, a to b; NaN where it means nothing.
-    visible : (H, W) bool
-        Where a shows what b sees as well.
-    """
+    """Two views of one scene by ``EVALUATION_CAMERA``."""
 
     poses: tuple[FloatArray, FloatArray]
+    """``T_world_a`` and ``T_world_b``, NED."""
     views: tuple[View, View]
+    """Image and depth of each."""
     flow: Float32Array
+    """(H, W, 2) float32: px, a to b; NaN where it means nothing."""
     visible: BoolArray
+    """(H, W) bool: where a shows what b sees as well."""
 
 
 class PairSampler:
     """Draws pairs of views of one scene.
 
-    Parameters
-    ----------
-    renderer : Renderer
-        The scene; it must have a floor and be closed enough that no view has much sky.
-
-    Raises
-    ------
-    SceneError
-        If the scene has no floor.
+    It must have a floor, else SceneError, and be closed enough that no view has much sky.
     """
 
     def __init__(self, renderer: Renderer) -> None:

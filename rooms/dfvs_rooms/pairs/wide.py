@@ -34,14 +34,7 @@ _PLACES_TRIED, _STARTS_TRIED, _PAIRS_A_PLACE = 3000, 25, 4
 
 
 class WidePairSampler:
-    """Draws pairs in one scene.
-
-    Parameters
-    ----------
-    renderer : Renderer
-    seed : int
-        Decides on every pair.
-    """
+    """Draws pairs in one scene; the seed decides on every pair."""
 
     def __init__(self, renderer: Renderer, seed: int) -> None:
         self._renderer = renderer

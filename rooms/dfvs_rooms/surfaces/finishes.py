@@ -17,32 +17,21 @@ from dfvs_rooms.surfaces.textures import SIZE_PX, Colour, blend, noise, ramp, sh
 
 @dataclass(frozen=True, slots=True)
 class Bond:
-    """How stones are laid.
-
-    Parameters
-    ----------
-    rows, columns : int
-        Stones to the image; rows are even where they are staggered.
-    tones : tuple of Colour
-        Colours between which the stones vary.
-    joint : Colour
-        Of the mortar.
-    stagger : float
-        Shift of every second row, in stones.
-    joint_px, wobble_px : float
-        Width of the joints, and how crooked the edges are.
-    grain : float
-        Roughness of a stone's face.
-    """
+    """How stones are laid."""
 
     rows: int
     columns: int
+    """Both are stones to the image; rows are even where they are staggered."""
     tones: tuple[Colour, ...]
+    """Colours between which the stones vary."""
     joint: Colour
     stagger: float = 0.5
+    """Shift of every second row, in stones."""
     joint_px: float = 3.0
     wobble_px: float = 0.0
+    """How crooked the edges are."""
     grain: float = 0.05
+    """Roughness of a stone's face."""
 
 
 def masonry(rng: np.random.Generator, bond: Bond) -> Float32Array:

@@ -28,21 +28,14 @@ _Draw: TypeAlias = Callable[[np.random.Generator], Float32Array]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Image of a material.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        RGB.
-    span_m : float
-        Metres that the image spans before it repeats; 1 for images that are stretched.
-    shines : bool
-        Seen at full brightness whatever the light.
-    """
+    """Image of a material."""
 
     image: ImageArray
+    """(H, W, 3) uint8: RGB."""
     span_m: float = 1.0
+    """Metres that the image spans before it repeats; 1 for images that are stretched."""
     shines: bool = False
+    """Seen at full brightness whatever the light."""
 
 
 def kind_of(name: str) -> str:
@@ -56,16 +49,9 @@ def drawn_materials(
     draw: Callable[[str, np.random.Generator], Drawn],
     large: Collection[str],
 ) -> dict[str, Material]:
-    """Draw materials by name.
+    """Draw materials by name, each of its kind (:func:`kind_of`).
 
-    Parameters
-    ----------
-    names : iterable of str
-    rng : numpy.random.Generator
-    draw : callable
-        Draws a kind (:func:`kind_of`).
-    large : collection of str
-        Kinds that fill an image; half the texels will do for others.
+    ``large`` kinds fill an image; half the texels will do for others.
     """
     wanted = sorted(set(names))
     drawn = {}

@@ -46,17 +46,9 @@ class MockCamera:
     """Renders and publishes frames until stopped.
 
     An image shows the moment at which it is ready, by the pose predicted for then: how long a
-    machine renders is no latency of the camera, up to a tenth of a second.
-
-    Parameters
-    ----------
-    config : MockCameraConfig
-    renderer : Renderer
-        Of the scene to fly in.
-    poses : callable
-        Where the camera is, from the vehicle's MAVLink telemetry as beside a real autopilot.
-    publish : callable
-        Takes payload, attachment and the encoding's name.
+    machine renders is no latency of the camera, up to a tenth of a second. ``poses`` come from the
+    vehicle's MAVLink telemetry, as beside a real autopilot; ``publish`` takes payload, attachment
+    and the encoding's name.
     """
 
     def __init__(

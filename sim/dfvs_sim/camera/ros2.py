@@ -53,11 +53,6 @@ class Ros2CameraConfig:
 class Ros2Camera:
     """Takes the mock camera's frames and publishes them as ROS 2 messages.
 
-    Parameters
-    ----------
-    session : zenoh.Session
-    config : Ros2CameraConfig
-
     Raises
     ------
     ConfigError

@@ -22,10 +22,13 @@ from dfvs_sim.camera.ros2 import Ros2Camera, Ros2CameraConfig
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.ground.sharing import DEFAULT_PORT, LinkSharing
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, parse_numbers
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.options import (
+    add_camera_options,
+    add_scene_option,
+    camera_from,
+    parse_numbers,
+    renderer_from,
+)
 
 _EPILOG = """examples:
   dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,-0.2,40 --share 14551
@@ -87,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     config = MockCameraConfig(
         camera_from(args), args.rate, FORMAT_NAMES[args.format], noise=args.noise, seed=args.seed
     )
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    renderer = renderer_from(args)
     with contextlib.ExitStack() as stack:
         link = stack.enter_context(GroundLink(args.mavlink, args.system_id))
         if args.share is not None:

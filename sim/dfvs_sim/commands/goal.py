@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.command_line import require_ending
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
@@ -16,10 +17,8 @@ from dfvs_sim.options import (
     camera_from,
     parse_camera_pose,
     parse_numbers,
+    renderer_from,
 )
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import look_at
 
 _DESCRIPTION = """Render a goal image and write it with its sidecar (goal.png, goal.json).
@@ -62,18 +61,11 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Render and write; exit code 0.
-
-    Raises
-    ------
-    DfvsError
-        If the pose, the scene or the output cannot be used.
-    """
-    if args.out.suffix.lower() != ".png":
-        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png")
+    """Render and write; exit code 0."""
+    require_ending("--out", args.out, ".png")
     T_world_camera = _pose(args)
     camera = camera_from(args)
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    renderer = renderer_from(args)
     view = renderer.render(camera, T_world_camera, antialias=args.antialias)
     if not (view.depth_m > 0).any():
         raise ConfigError("the camera sees nothing of the scene", "a pose inside the scene")

@@ -10,13 +10,17 @@ from dfvs_common.command_line import program_parser, require_file
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
-from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
-from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.fleet import MOST_VEHICLES
 from dfvs_sim.demo.flight.camera_link import CAMERAS
 from dfvs_sim.demo.flight.engagement import engagement_of
 from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, is_shared
-from dfvs_sim.demo.options import VEHICLE_NAME
+from dfvs_sim.demo.options import (
+    VEHICLE_NAME,
+    add_autopilot_options,
+    add_condition_options,
+    check_autopilot,
+    conditions_from,
+)
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.runs import fly_fleet, fly_seeds
 from dfvs_sim.options import add_camera_options, add_scene_option, require_range

@@ -23,27 +23,17 @@ _GRACE_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One vehicle of a fleet, with the words for its own ``dfvs-demo``.
-
-    Parameters
-    ----------
-    name : str
-        Of the vehicle in the Zenoh keys.
-    system_id : int
-        MAVLink system id.
-    seed : int
-        Draws start, goal and noise.
-    folder : Path
-        Takes its results.
-    words : tuple of str
-        Further words for ``dfvs-demo``; those of this member come behind them and count.
-    """
+    """One vehicle of a fleet, with the words for its own ``dfvs-demo``."""
 
     name: str
+    """Of the vehicle in the Zenoh keys."""
     system_id: int
     seed: int
+    """Draws start, goal and noise."""
     folder: Path
+    """Takes its results."""
     words: tuple[str, ...]
+    """Further words for ``dfvs-demo``; those of this member come behind them and count."""
 
     @property
     def command(self) -> list[str]:
@@ -71,15 +61,10 @@ class Member:
 
 
 def fly_together(members: Sequence[Member], log: Callable[[str], None]) -> list[int]:
-    """Fly all members at the same time; returns their exit codes.
+    """Fly all members, whose folders exist, at the same time; returns their exit codes.
 
-    Parameters
-    ----------
-    members : sequence of Member
-        Their folders exist.
-    log : callable
-        Takes a line of a member's output behind its name; called from several threads, one at a
-        time.
+    ``log`` takes a line of a member's output behind its name; it is called from several threads,
+    one at a time.
     """
     lock = threading.Lock()
 

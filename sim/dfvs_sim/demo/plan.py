@@ -78,12 +78,8 @@ class FlightPlan:
     def T_scene_local(self, T_local_hover: FloatArray) -> FloatArray:
         """Where the autopilot's local frame lies in the scene, so that the hover is the start.
 
-        The vehicle's ground then is the scene's floor, but for the error of its climb.
-
-        Parameters
-        ----------
-        T_local_hover : (4, 4)
-            Body after the take-off, in the local frame; its tilt is left out.
+        The vehicle's ground then is the scene's floor, but for the error of its climb. The tilt of
+        ``T_local_hover`` (4, 4), the body after the take-off, is left out.
         """
         yaw = math.atan2(T_local_hover[1, 0], T_local_hover[0, 0])
         level = make_pose(rotation_from_euler(0.0, 0.0, yaw), T_local_hover[:3, 3])
@@ -125,17 +121,10 @@ def _floor_below(renderer: Renderer, point: FloatArray) -> float | None:
 
 
 def take_off_from_floor(renderer: Renderer, points: Sequence[FloatArray]) -> TakeOff:
-    """Climb to the first point from the lowest floor below any of them.
+    """Climb to the first point (3,) from the lowest floor below any of them (NED, m).
 
     The ground of a simulated vehicle is flat: where floors differ it is the lowest one, so that
     the vehicle does not touch it on its way.
-
-    Parameters
-    ----------
-    renderer : Renderer
-        Of the scene.
-    points : sequence of (3,)
-        Start and goals of the body, NED, m.
     """
     floors = [level for p in points if (level := _floor_below(renderer, p)) is not None]
     if not floors:

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.conditions import Conditions, conditions_from
 from dfvs_sim.demo.fleet import Member, fly_together
 from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.image_size import AUTO, SIZES, measured_size
-from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
+from dfvs_sim.demo.options import FIRST_SYSTEM_ID, Conditions, FlightOptions, conditions_from
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.report import FlightReport, ReportError
@@ -23,10 +22,8 @@ from dfvs_sim.demo.results.summary import (
     write_not_flown,
     write_results,
 )
-from dfvs_sim.options import camera_from, parse_camera_pose, write_json
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path, two_rooms_path
-from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.options import camera_from, parse_camera_pose, renderer_from, write_json
+from dfvs_sim.scene import two_rooms_path
 
 DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
 """Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
@@ -45,7 +42,7 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
     words = (*words, "--size", size, "--rate", str(args.rate))
     members = []
     for k in range(args.vehicles):
-        folder = _made(_folder(args, args.seed) / f"vehicle-{k + 1}")
+        folder = made_folder(_folder(args, args.seed) / f"vehicle-{k + 1}")
         system_id = (args.system_id or FIRST_SYSTEM_ID) + k
         members.append(Member(f"{args.name}-{k + 1}", system_id, args.seed + k, folder, words))
     codes = fly_together(members, progress.log)
@@ -72,7 +69,7 @@ def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
         _take_route(args)
     start = None if args.start is None else parse_camera_pose(args.start, "--start")
     goals = [parse_camera_pose(text, "--goal") for text in args.goal or ()]
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    renderer = renderer_from(args)
     if is_size_open:
         make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
         args.size = measured_size(progress.log)
@@ -100,10 +97,11 @@ def _folder(args: argparse.Namespace, seed: int) -> Path:
     folder: Path = args.out or Path(f"demo-{seed}")
     if args.out is not None and args.runs > 1:
         folder = folder / f"seed-{seed}"
-    return _made(folder)
+    return made_folder(folder)
 
 
-def _made(folder: Path) -> Path:
+def made_folder(folder: Path) -> Path:
+    """Make a folder unless it is there; returns its absolute path."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

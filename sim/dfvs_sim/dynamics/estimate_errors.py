@@ -6,10 +6,12 @@ position measurements: de_p/dt = e_v - e_p / time, with a time for each directio
 are a constant bias plus a second-order Gauss-Markov process.
 """
 
+import csv
 import enum
+import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
@@ -74,60 +76,16 @@ class EstimateErrors:
                 raise ConfigError(f"{name} of the estimate's errors is {value}", "a size")
 
 
-ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
-    EstimateGrade.PERFECT: EstimateErrors(),
-    EstimateGrade.LOW: EstimateErrors(
-        velocity_m_s=0.005,
-        velocity_time_s=1.05,
-        jitter_m_s=0.0002,
-        climb_m_s=0.0022,
-        position_m=0.0009,
-        height_time_s=0.9,
-        offset_m=0.004,
-        height_offset_m=0.001,
-        tilt_deg=0.04,
-        tilt_bias_deg=0.03,
-        heading_deg=0.8,
-        heading_bias_deg=0.6,
-        heading_bias_mean_deg=-0.4,
-        heading_reset_deg=0.9,
-        heading_reset_mean_deg=0.8,
-    ),
-    EstimateGrade.MEDIUM: EstimateErrors(
-        velocity_m_s=0.025,
-        velocity_time_s=1.4,
-        jitter_m_s=0.001,
-        climb_m_s=0.01,
-        position_m=0.005,
-        offset_m=0.015,
-        height_offset_m=0.03,
-        tilt_deg=0.1,
-        tilt_bias_deg=0.1,
-        heading_deg=0.6,
-        heading_bias_deg=0.6,
-        heading_bias_mean_deg=-0.4,
-        heading_reset_deg=0.9,
-        heading_reset_mean_deg=0.6,
-    ),
-    EstimateGrade.HIGH: EstimateErrors(
-        velocity_m_s=0.21,
-        velocity_time_s=1.4,
-        jitter_m_s=0.01,
-        climb_m_s=0.1,
-        position_m=0.045,
-        offset_m=0.1,
-        height_offset_m=0.1,
-        tilt_deg=1.0,
-        tilt_bias_deg=1.5,
-        heading_deg=6.0,
-        heading_bias_deg=2.0,
-        heading_bias_mean_deg=6.0,
-        heading_time_s=3.0,
-        heading_reset_deg=2.0,
-        heading_reset_mean_deg=6.0,
-    ),
-}
-"""Errors of each grade, fitted to flights of PX4 v1.17 at three scales of its sensor noise."""
+@functools.cache
+def errors_of(grade: EstimateGrade) -> EstimateErrors:
+    """Errors of a grade, fitted to flights of PX4 v1.17 at three scales of its sensor noise.
+
+    What the table leaves out is as in ``EstimateErrors()``, which is perfect.
+    """
+    with Path(__file__).with_name("estimate_errors.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    sizes = {row["size"]: row.get(grade.value) for row in rows}
+    return EstimateErrors(**{name: float(size) for name, size in sizes.items() if size})
 
 
 class ErrorProcess:

@@ -21,15 +21,7 @@ class Estimate(MotionState):
 
 
 class Estimator:
-    """Follows the vehicle with errors.
-
-    Parameters
-    ----------
-    errors : EstimateErrors
-        Sizes of the errors; ``EstimateErrors()`` for none.
-    rng : numpy.random.Generator
-        Source of the errors.
-    """
+    """Follows the vehicle with errors of these sizes, drawn from ``rng``."""
 
     def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
         self._process = None if errors == EstimateErrors() else ErrorProcess(errors, rng)

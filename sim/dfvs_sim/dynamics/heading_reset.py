@@ -11,14 +11,9 @@ _HEIGHT_M = 1.5
 
 
 class HeadingReset:
-    """Error of the heading up to its reset, which comes once.
+    """Error of the heading up to its reset, which comes once, or never where its change is 0.
 
-    Parameters
-    ----------
-    errors : EstimateErrors
-        Mean and standard deviation of the change; no reset where both are 0.
-    rng : numpy.random.Generator
-        Source of the change; its own sequence is left as it is.
+    The change is drawn from the generator's seed; its own sequence is left as it is.
     """
 
     def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
@@ -31,13 +26,7 @@ class HeadingReset:
         self._ground_down_m: float | None = None
 
     def update(self, down_m: float, *, on_ground: bool) -> float | None:
-        """Take the estimated down coordinate.
-
-        Returns
-        -------
-        float or None
-            Change of the heading, rad, where it is reset in this step.
-        """
+        """Change of the heading (rad) if it is reset at this estimated down coordinate, or None."""
         if on_ground:
             self._ground_down_m = down_m
         if not self._is_pending or self._ground_down_m is None:

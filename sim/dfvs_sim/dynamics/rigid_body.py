@@ -83,15 +83,9 @@ class Command:
 class Quadrotor(MotionState):
     """State of the vehicle in NED, with the origin of the local frame; advanced by ``step``.
 
-    The attitude loop acts on the estimated attitude: the true one plus ``attitude_error_rad``
+    It starts on the flat ground, which has a down coordinate in m, with a heading in rad. The
+    attitude loop acts on the estimated attitude: the true one plus ``attitude_error_rad``
     (roll, pitch and yaw), so that the true tilt and the direction of thrust are off by it.
-
-    Parameters
-    ----------
-    ground_m : float
-        Down coordinate of the flat ground; the vehicle starts on it.
-    yaw_rad : float
-        Heading at the start.
     """
 
     def __init__(self, ground_m: float = 0.0, yaw_rad: float = 0.0) -> None:

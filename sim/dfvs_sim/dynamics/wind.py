@@ -42,14 +42,8 @@ STRENGTHS: Mapping[WindGrade, WindStrength] = {
 class Wind:
     """Velocity of the air in NED (m/s), horizontal; advanced by ``step``.
 
-    Parameters
-    ----------
-    strength : WindStrength
-        Steady wind, from a direction that is drawn, and gusts.
-    north_m_s, east_m_s : float
-        Further steady wind, towards north and east.
-    rng : numpy.random.Generator
-        Source of direction and gusts.
+    A steady wind from a direction that ``rng`` draws, gusts, and further steady wind towards north
+    and east.
     """
 
     def __init__(

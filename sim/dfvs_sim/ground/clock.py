@@ -101,13 +101,7 @@ def _rate(pairs: list[_Pair], rate: float) -> float:
 
 
 class SlowClockNotice:
-    """Tells once, in one line, that the vehicle's clock is slower than real time.
-
-    Parameters
-    ----------
-    log : callable
-        Takes the line.
-    """
+    """Tells once, in one line, that the vehicle's clock is slower than real time."""
 
     def __init__(self, log: Callable[[str], None]) -> None:
         self._log = log

@@ -10,13 +10,14 @@ import select
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Self
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_common.status_text import plain_text
 from dfvs_sim.ground.systems import HEARTBEATS_S, Autopilots, LinkError
-from dfvs_sim.ground.texts import StatusTexts
 from dfvs_sim.ground.udp import Endpoint
 
 DEFAULT_URL = "udpin://127.0.0.1:14550"
@@ -27,6 +28,8 @@ ACCEPTED, IN_PROGRESS = 0, 5
 _HEARTBEAT_S = 1.0
 _SECOND_ACK_S = 0.1
 _RETRIES = 3
+_TEXTS = 20
+"""Kept of the vehicle's last ones."""
 _HEARTBEAT = mavlink.MAVLink_heartbeat_message(
     mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
 )
@@ -41,15 +44,37 @@ class _Received(NamedTuple):
     t_ns: int
 
 
+class _Text(NamedTuple):
+    t_ns: int
+    number: int
+    raw: str
+
+
+class StatusTexts:
+    """Last STATUSTEXTs, chunks of a long text joined."""
+
+    def __init__(self) -> None:
+        self._texts: deque[_Text] = deque(maxlen=_TEXTS)
+
+    def add(self, message: Any, t_ns: int) -> None:
+        """Take a STATUSTEXT that arrived at a monotonic time."""
+        last = self._texts[-1] if self._texts else None
+        if last is not None and message.chunk_seq > 0 and message.id == last.number != 0:
+            self._texts[-1] = _Text(last.t_ns, last.number, last.raw + message.text)
+        else:
+            self._texts.append(_Text(t_ns, message.id, message.text))
+
+    @property
+    def all(self) -> tuple[tuple[int, str], ...]:
+        """Texts with their arrival (monotonic ns), oldest first."""
+        return tuple((text.t_ns, plain_text(text.raw.partition("\0")[0])) for text in self._texts)
+
+
 class GroundLink:
     """MAVLink to one vehicle over UDP, as a ground station.
 
-    Parameters
-    ----------
-    url : str
-        ``udpin://HOST:PORT`` to be found by the vehicle, ``udpout://HOST:PORT`` to find it.
-    system_id : int or None
-        MAVLink system id of the vehicle; None takes the only one on the link.
+    ``udpin://HOST:PORT`` is found by the vehicle, ``udpout://HOST:PORT`` finds it. ``system_id`` is
+    that of the vehicle; None takes the only one on the link.
     """
 
     def __init__(self, url: str = DEFAULT_URL, system_id: int | None = None) -> None:

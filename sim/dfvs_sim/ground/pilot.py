@@ -54,16 +54,9 @@ class PilotError(DfvsError):
 class Pilot:
     """Flies the vehicle over the ground-station link, which it shares and does not own.
 
-    Parameters
-    ----------
-    link : GroundLink
-    log : callable
-        Takes one line about what the pilot did and nobody asked for.
-    hover_s : float
-        How long to wait for rest. Then the pilot also goes on with a vehicle that only seems to
-        move a little.
-    arming_s : float
-        How long to ask again while the vehicle refuses for the moment: its checks may flicker.
+    ``log`` takes one line about what the pilot did and nobody asked for. It waits ``hover_s`` for
+    rest; then it goes on with a vehicle that only seems to move a little, too. It asks again for
+    ``arming_s`` while the vehicle refuses for the moment: its checks may flicker.
     """
 
     def __init__(

@@ -74,14 +74,9 @@ class PoseTracker:
     """Follows the vehicle's telemetry and tells its pose at a time.
 
     The pose is the true one where the vehicle sends HIL_STATE_QUATERNION, else that of the
-    estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
-
-    Parameters
-    ----------
-    link : GroundLink
-        Shared link; all three messages are asked for at 50 Hz by ``start``.
-    log : callable, optional
-        Takes the line that says that the vehicle's clock is slower than real time.
+    estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION. ``start`` asks for all three at 50 Hz over
+    the shared link. ``log`` takes the line that says that the vehicle's clock is slower than real
+    time.
     """
 
     def __init__(self, link: GroundLink, log: Callable[[str], None] = lambda _: None) -> None:
@@ -242,11 +237,8 @@ class PoseTracker:
     def pose_at(self, t_ns: int) -> VehiclePose | None:
         """Pose at a monotonic time: interpolated, or extrapolated a little.
 
-        Returns
-        -------
-        VehiclePose or None
-            None before the first samples, for a time older than what is kept, and where the
-            newest sample is more than 0.2 s older.
+        None before the first samples, for a time older than what is kept, and where the newest
+        sample is more than 0.2 s older.
         """
         with self._lock:
             if not self._places or not self._turns:

@@ -26,10 +26,7 @@ _BATCHES = 4
 class RestDetector:
     """Takes estimated velocities and says whether they are those of a vehicle at rest.
 
-    Parameters
-    ----------
-    down_m : float or None
-        Wanted height as local z; None takes any.
+    It rests at a local z of ``down_m``, or anywhere.
     """
 
     def __init__(self, down_m: float | None = None) -> None:

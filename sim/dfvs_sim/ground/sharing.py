@@ -24,14 +24,8 @@ class LinkSharing:
     """Forwards the vehicle's messages to ground stations on this machine, and theirs to it.
 
     An autopilot answers one ground station on each of its UDP ports: the others join here, with
-    ``udpout://127.0.0.1:PORT``. A ground station is known from its first message on.
-
-    Parameters
-    ----------
-    link : GroundLink
-        Shared and not owned.
-    port : int
-        UDP port on the loopback interface, 0 for any.
+    ``udpout://127.0.0.1:PORT`` (0 for any). A ground station is known from its first message on.
+    The link is shared and not owned.
 
     Raises
     ------

@@ -19,13 +19,7 @@ class LinkError(DfvsError):
 
 
 class Autopilots:
-    """Autopilots on a link, by their heartbeats.
-
-    Parameters
-    ----------
-    system_id : int or None
-        MAVLink system id of our vehicle; None takes the first autopilot.
-    """
+    """Autopilots on a link, by their heartbeats; no ``system_id`` takes the first one for ours."""
 
     def __init__(self, system_id: int | None = None) -> None:
         self.wanted = system_id
@@ -82,16 +76,9 @@ def is_autopilot_heartbeat(message: Any) -> bool:
 
 
 def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:
-    """Ids of the autopilots that send to a port; nothing is sent.
+    """Ids of the autopilots that send to a port (``udpin``); nothing is sent.
 
-    Listens for ``HEARTBEATS_S`` after the first heartbeat.
-
-    Parameters
-    ----------
-    endpoint : Endpoint
-        A listening one (``udpin``).
-    timeout_s : float
-        Wait so long for the first heartbeat.
+    Waits ``timeout_s`` for the first heartbeat, and listens for ``HEARTBEATS_S`` after it.
 
     Raises
     ------

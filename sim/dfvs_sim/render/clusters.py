@@ -14,25 +14,17 @@ _MORTON_BITS = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clusters:
-    """A scene's triangles in the order of a space-filling curve, cut into runs.
-
-    Parameters
-    ----------
-    triangles : (M, 3) int32
-        Vertex indices, reordered.
-    texture_index : (M,) int32
-        Texture of each triangle, reordered.
-    ranges : (C, 2) int32
-        First and one-past-last triangle of each run.
-    low, high : (C, 3) float64
-        Corners of each run's box in NED, m.
-    """
+    """A scene's triangles in the order of a space-filling curve, cut into runs."""
 
     triangles: Int32Array
+    """(M, 3) int32: vertex indices, reordered."""
     texture_index: Int32Array
+    """(M,) int32: texture of each triangle, reordered."""
     ranges: Int32Array
+    """(C, 2) int32: first and one-past-last triangle of each run."""
     low: FloatArray
     high: FloatArray
+    """Both (C, 3) float64: corners of each run's box in NED, m."""
 
 
 def _spread_bits(x: NDArray[np.uint64]) -> NDArray[np.uint64]:

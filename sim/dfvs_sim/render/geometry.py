@@ -131,16 +131,12 @@ def rasterise(  # noqa: PLR0913
     inverse_depth: FloatArray,
     ids: Int32Array,
 ) -> None:
-    """Draw triangles into the z-buffer.
+    """Draw triangles (M, 3) into the z-buffer, of the runs (C, 2) that are to be drawn.
 
     Parameters
     ----------
     clip : (N, 3) float64
         Vertices as (X, Y, W), px m and m.
-    triangles : (M, 3) int32
-        Vertex indices.
-    ranges : (C, 2) int32
-        First and one-past-last triangle of each run to draw.
     near_m : float
         Nothing nearer along the optical axis is drawn.
     inverse_depth : (H, W) float64

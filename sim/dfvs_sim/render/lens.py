@@ -16,19 +16,13 @@ _MARGIN_PX = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """A pinhole camera that sees all that a distorted one sees.
-
-    Parameters
-    ----------
-    pinhole : CameraModel
-        Same axes and focal lengths, larger image.
-    x, y : (H, W) float32
-        Pixel position in the pinhole image of each pixel's centre.
-    """
+    """A pinhole camera that sees all that a distorted one sees."""
 
     pinhole: CameraModel
+    """Same axes and focal lengths, larger image."""
     x: Float32Array
     y: Float32Array
+    """Both (H, W) float32: position in the pinhole image of each pixel's centre."""
 
 
 @lru_cache(maxsize=8)

@@ -22,29 +22,19 @@ _PLANE_REACH = 1.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """What a camera sees.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        RGB.
-    depth_m : (H, W) float32
-        Depth along the optical axis at each pixel's centre, m; 0 is sky.
-    """
+    """What a camera sees."""
 
     image: ImageArray
+    """(H, W, 3) uint8: RGB."""
     depth_m: Float32Array
+    """(H, W) float32: depth along the optical axis at each pixel's centre, m; 0 is sky."""
 
 
 class Renderer:
     """Draws one scene from any pose; frames are a pure function of scene, camera and pose.
 
     ``render`` holds no state and releases the interpreter lock, so several threads may call it.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to draw; neither it nor its arrays may change afterwards.
+    Neither the scene nor its arrays may change afterwards.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -60,16 +50,10 @@ class Renderer:
     def render(
         self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool = False
     ) -> View:
-        """Render one frame.
+        """Render one frame from ``T_world_camera`` (4, 4), the pose of the optical frame in NED.
 
-        Parameters
-        ----------
-        camera : CameraModel
-            Intrinsics; a distorted camera is rendered as a pinhole and remapped.
-        T_world_camera : (4, 4)
-            Pose of the optical frame in NED.
-        antialias : bool
-            Four coverage samples a pixel for the colour. Depth stays that of the pixel's centre.
+        A distorted camera is rendered as a pinhole and remapped. With ``antialias`` the colour has
+        four coverage samples a pixel; depth stays that of the pixel's centre.
 
         Raises
         ------

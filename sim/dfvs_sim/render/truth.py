@@ -36,14 +36,8 @@ def visibility(
     pixels of b around it, or with the plane through them (1 / depth is affine on a plane): that
     forgives sampling, also of a surface seen aslant, but not another surface in front.
 
-    Parameters
-    ----------
-    camera : CameraModel
-        Intrinsics of both views.
-    poses : tuple
-        ``T_world_a`` and ``T_world_b``, (4, 4).
-    depths_m : tuple
-        Depth (H, W) of a and of b; 0 is sky.
+    ``poses`` are ``T_world_a`` and ``T_world_b`` (4, 4), ``depths_m`` (H, W) of a and of b, where 0
+    is sky; both views have these intrinsics.
     """
     pixels, z = _seen_from_b(camera, poses, depths_m[0])
     return _agrees(pixels, z, depths_m[1])

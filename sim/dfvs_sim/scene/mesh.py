@@ -20,33 +20,22 @@ class SceneError(DfvsError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Triangles to look at. What is seen is texture x vertex colour, nothing else.
-
-    Parameters
-    ----------
-    vertices : (N, 3) float32
-        Positions in NED, m.
-    triangles : (M, 3) int32
-        Vertex indices; both sides of a triangle are visible.
-    uv : (N, 2) float32
-        Texture coordinates, (0, 0) at the first texel's outer corner, v downwards.
-    colours : (N, 3) float32
-        Linear light: material colour x baked light.
-    texture_index : (M,) int32
-        Texture of each triangle, or ``NO_TEXTURE``.
-    textures : tuple of Texture
-        Images.
-    sky : tuple of float
-        Linear light seen where there is no triangle.
-    """
+    """Triangles to look at. What is seen is texture x vertex colour, nothing else."""
 
     vertices: Float32Array
+    """(N, 3) float32: positions in NED, m."""
     triangles: Int32Array
+    """(M, 3) int32: vertex indices; both sides of a triangle are visible."""
     uv: Float32Array
+    """(N, 2) float32: texture coordinates, (0, 0) at the first texel's outer corner, v downwards.
+    """
     colours: Float32Array
+    """(N, 3) float32: linear light: material colour x baked light."""
     texture_index: Int32Array
+    """(M,) int32: texture of each triangle, or ``NO_TEXTURE``."""
     textures: tuple[Texture, ...] = ()
     sky: tuple[float, float, float] = (0.42, 0.58, 0.78)
+    """Linear light seen where there is no triangle."""
 
     def __post_init__(self) -> None:
         """Refuse a mesh whose arrays do not fit together: the renderer trusts them."""

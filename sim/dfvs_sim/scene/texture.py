@@ -28,19 +28,13 @@ class Wrap(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """One image, sRGB, with its first row at v = 0 (glTF's convention).
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        RGB, sRGB encoded.
-    wrap_u, wrap_v : Wrap
-        What lies beyond the edges.
-    """
+    """One image, sRGB, with its first row at v = 0 (glTF's convention)."""
 
     image: ImageArray
+    """(H, W, 3) uint8: RGB, sRGB encoded."""
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
+    """What lies beyond the upper and lower edge, as ``wrap_u`` beyond the others."""
 
     def __post_init__(self) -> None:
         """Refuse what is not an RGB image."""
@@ -54,19 +48,14 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TexturePack:
-    """All textures of a scene, every mip level, end to end.
-
-    Parameters
-    ----------
-    texels : (P * 3,) uint8
-        RGB, sRGB encoded; levels one after the other, row by row.
-    levels : (K, MAX_LEVELS, 5) int64
-        First texel, width and height of each level of each texture, and its ``Wrap`` of u and v.
-        Beyond the smallest level that one is repeated.
-    """
+    """All textures of a scene, every mip level, end to end."""
 
     texels: ImageArray
+    """(P * 3,) uint8: RGB, sRGB encoded; levels one after the other, row by row."""
     levels: Int64Array
+    """(K, MAX_LEVELS, 5) int64: first texel, width and height of each level of each texture, and
+    its ``Wrap`` of u and v. Beyond the smallest level that one is repeated.
+    """
 
 
 def linear_from_srgb(srgb: Float32Array) -> Float32Array:

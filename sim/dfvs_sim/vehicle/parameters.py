@@ -4,9 +4,12 @@ On the wire an integer travels as its bytes inside the float field (bytewise enc
 name is met with silence; every write is answered with the value that is now held.
 """
 
+import functools
 import math
 import struct
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -18,62 +21,20 @@ INT32, REAL32 = 6, 9
 
 Value = int | float
 
-DEFAULTS: Mapping[str, Value] = {
-    "COM_ARM_WO_GPS": 1,
-    "COM_DISARM_LAND": 2.0,
-    "COM_DISARM_PRFLT": 10.0,
-    "COM_OBL_RC_ACT": 0,
-    "COM_OF_LOSS_T": 1.0,
-    "COM_RC_IN_MODE": 3,
-    "COM_RC_LOSS_T": 0.5,
-    "COM_SPOOLUP_TIME": 1.0,
-    "MAV_COMP_ID": 1,
-    "MAV_SYS_ID": 1,
-    "MAV_TYPE": 2,
-    "MC_YAWRATE_MAX": 200.0,
-    "MC_YAW_P": 2.8,
-    "MIS_TAKEOFF_ALT": 2.5,
-    "MPC_ACC_HOR": 3.0,
-    "MPC_JERK_AUTO": 4.0,
-    "MPC_LAND_ALT1": 10.0,
-    "MPC_LAND_ALT2": 5.0,
-    "MPC_LAND_ALT3": 1.0,
-    "MPC_LAND_CRWL": 0.3,
-    "MPC_LAND_SPEED": 0.7,
-    "MPC_MAN_TILT_MAX": 35.0,
-    "MPC_MAN_Y_MAX": 150.0,
-    "MPC_TILTMAX_AIR": 45.0,
-    "MPC_TKO_RAMP_T": 3.0,
-    "MPC_TKO_SPEED": 1.5,
-    "MPC_VEL_MANUAL": 10.0,
-    "MPC_XY_CRUISE": 5.0,
-    "MPC_XY_P": 0.95,
-    "MPC_XY_VEL_D_ACC": 0.2,
-    "MPC_XY_VEL_I_ACC": 0.4,
-    "MPC_XY_VEL_MAX": 12.0,
-    "MPC_XY_VEL_P_ACC": 1.8,
-    "MPC_Z_P": 1.0,
-    "MPC_Z_VEL_I_ACC": 2.0,
-    "MPC_Z_VEL_MAX_DN": 1.5,
-    "MPC_Z_VEL_MAX_UP": 3.0,
-    "MPC_Z_V_AUTO_DN": 1.5,
-    "MPC_Z_V_AUTO_UP": 3.0,
-    "NAV_MC_ALT_RAD": 0.8,
-    "NAV_RCL_ACT": 2,
-    "RTL_DESCEND_ALT": 30.0,
-    "RTL_MIN_DIST": 10.0,
-    "RTL_RETURN_ALT": 60.0,
-    "SYS_AUTOSTART": 10040,
-    "SYS_FAILURE_EN": 0,
-}
+
+@functools.cache
+def default_parameters() -> Mapping[str, Value]:
+    """PX4's defaults, by name in the order of their indices on the wire."""
+    return tomllib.loads(Path(__file__).with_name("parameters.toml").read_text(encoding="utf-8"))
 
 
 class ParameterTable(dict[str, Value]):
     """Values by name, with PX4's types; integers and floats never change into each other."""
 
     def __init__(self, changes: Mapping[str, Value] | None = None) -> None:
-        changed = {n: type(DEFAULTS[n])(value) for n, value in (changes or {}).items()}
-        super().__init__(sorted({**DEFAULTS, **changed}.items()))
+        super().__init__(default_parameters())
+        for name, value in (changes or {}).items():
+            self[name] = type(self[name])(value)
         self.names: tuple[str, ...] = tuple(self)
 
     def value_message(self, name: str) -> Any:

@@ -28,8 +28,8 @@ from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
-from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.flight.track import TrackPoint
+from dfvs_sim.demo.options import Conditions, FlightOptions
 from dfvs_sim.options import write_json
 from dfvs_sim.viewpoints.poses import camera_pose
 
@@ -37,7 +37,8 @@ CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
 START, GOAL = camera_pose((0.0, 0.0, -1.0), 0.2, -0.1), camera_pose((1.0, 0.5, -1.2), -0.3, 0.1)
 TASK = BenchTask("room", Path("room.glb"), START, GOAL, CAMERA)
 LIMITS = VelocityLimits()
-SETTING = Setting("classical", (), LIMITS, 0, 60.0, 40.0, "abc")
+OPTIONS = FlightOptions(timeout_s=60.0)
+SETTING = Setting("classical", (), LIMITS, 0, "abc", OPTIONS)
 
 
 FLOWN = FlightRecord(
@@ -167,9 +168,9 @@ def test_a_summary_among_records_is_left_out_with_a_line(tmp_path, capfd):
         {"seed": 1},
         {"service": ("--set", "gate.response_s=0")},
         {"limits": VelocityLimits(horizontal_m_s=0.4)},
-        {"timeout_s": 10.0},
-        {"conditions": Conditions("medium")},
-        {"conditions": Conditions("perfect", "breeze")},
+        {"options": replace(OPTIONS, timeout_s=10.0)},
+        {"options": replace(OPTIONS, conditions=Conditions("medium"))},
+        {"options": replace(OPTIONS, conditions=Conditions("perfect", "breeze"))},
     ],
 )
 def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
@@ -184,8 +185,9 @@ def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
 def test_flights_of_another_autopilot_are_kept_apart(tmp_path):
     task, url = task_on_disk(tmp_path), "udpin://127.0.0.1:14540"
     kept = fresh_record(task, autopilot=url, estimate=None, wind=None)
-    assert fits(kept, task, replace(SETTING, autopilot=url))
-    assert not fits(kept, task, replace(SETTING, autopilot="udpin://127.0.0.1:14541"))
+    assert fits(kept, task, replace(SETTING, options=replace(OPTIONS, autopilot=url)))
+    other = replace(OPTIONS, autopilot="udpin://127.0.0.1:14541")
+    assert not fits(kept, task, replace(SETTING, options=other))
     assert not fits(kept, task, SETTING)
     write_record(tmp_path, kept)
     assert read_records(tmp_path) == [kept]

@@ -2,9 +2,9 @@
 
 import dataclasses
 
-import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
@@ -78,7 +78,7 @@ def test_a_known_method_has_the_same_style_beside_any_other():
 
 
 def test_the_titles_of_the_controller_s_plot_are_whole():
-    with mpl.rc_context(STYLE):
+    with style.context(STYLE):
         figure = draw_controller([record("pnp")])
         FigureCanvasAgg(figure).draw()
     titles = [text for text in figure.findobj(Text) if text.get_text().startswith("(")]

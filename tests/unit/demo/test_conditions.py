@@ -2,7 +2,7 @@
 
 import argparse
 
-from dfvs_sim.demo.conditions import Conditions, add_condition_options, conditions_from
+from dfvs_sim.demo.options import Conditions, add_condition_options, conditions_from
 
 
 def args(*words):

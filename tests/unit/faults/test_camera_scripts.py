@@ -6,7 +6,7 @@ import pytest
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.perception.frame_validator import Expected, GuardState, admit
-from dfvs_robustness.faults.matrix import all_faults
+from dfvs_robustness.faults.table import all_faults
 from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, ScriptedCamera
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)

@@ -11,13 +11,13 @@ from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults.fault import NO_VERDICT, Case, Fault, Outcome, Reaction
 from dfvs_robustness.faults.judging import Oracle, judge
 from dfvs_robustness.faults.matrix import (
-    all_faults,
     append_result,
     plan,
     read_outcomes,
     shared_harness,
 )
 from dfvs_robustness.faults.report import Report, make_rows
+from dfvs_robustness.faults.table import all_faults
 from dfvs_robustness.faults.workers import Result
 
 MS = 1_000_000

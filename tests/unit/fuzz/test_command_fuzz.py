@@ -12,7 +12,6 @@ from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.commands.target import (
     COMMANDS,
-    REPLAY,
     CommandTally,
     replay_episode,
     run_episode,
@@ -130,8 +129,8 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
     finding = COMMANDS.shrink(run_episode((0, 0), CommandTally()))
     assert len(finding.episode.sendings) == 2  # two commands with one challenge
     path = tmp_path / "finding.json"
-    REPLAY.write(finding, path)
-    assert REPLAY.read(path) == finding.episode
+    COMMANDS.write(finding, path)
+    assert COMMANDS.read(path) == finding.episode
     assert run("--replay", path) == 1
     assert "violated: fresh" in capsys.readouterr().out
     monkeypatch.undo()

@@ -25,7 +25,7 @@ from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.gate.episode import Episode
 from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
-from dfvs_robustness.fuzz.gate.target import GATE, REPLAY, GateTally, replay_episode, run_episode
+from dfvs_robustness.fuzz.gate.target import GATE, GateTally, replay_episode, run_episode
 from dfvs_robustness.fuzz.run import run_job, shrink_list
 
 DATA = Path(__file__).parents[2] / "data"
@@ -210,7 +210,7 @@ def test_a_saved_violation_is_violated_again_until_the_gate_is_mended(
     finding, tmp_path, capsys, monkeypatch
 ):
     path = tmp_path / "finding.json"
-    REPLAY.write(finding, path)
+    GATE.write(finding, path)
     assert run("--replay", path) == 1
     assert "violated: I5" in capsys.readouterr().out
     monkeypatch.undo()
@@ -220,7 +220,7 @@ def test_a_saved_violation_is_violated_again_until_the_gate_is_mended(
 def test_a_violation_saved_with_former_names_is_still_violated(monkeypatch):
     path = DATA / "gate_finding_former_names.json"
     assert '"event": "Order"' in path.read_text()
-    episode = REPLAY.read(path)
+    episode = GATE.read(path)
     assert episode.config.timing.command_valid_ns == 4 * S
     assert replay_episode(episode) is None
     monkeypatch.setattr(Engagement, "on_heartbeat", forever(None))
@@ -229,8 +229,8 @@ def test_a_violation_saved_with_former_names_is_still_violated(monkeypatch):
 
 def test_numbers_that_are_none_survive_the_file(tmp_path):
     steps = [(5, (Attitude(3, math.nan, math.inf, -math.inf),)), (6, ())]
-    REPLAY.write(Finding(Episode(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
-    episode = REPLAY.read(tmp_path / "f.json")
+    GATE.write(Finding(Episode(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
+    episode = GATE.read(tmp_path / "f.json")
     assert (episode.config, episode.born_ns) == (GateConfig(), 4)
     assert repr(episode.steps) == repr(steps)  # NaN does not equal itself
 

@@ -10,11 +10,12 @@ from vehicle_in_hand import START_NS, VehicleInHand, hovering, in_offboard, setp
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import wrap_angle
-from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateErrors, EstimateGrade, errors_of
 from dfvs_sim.dynamics.estimator import Estimate, Estimator
 from dfvs_sim.dynamics.gauss_markov import FirstOrder, SecondOrder, normal_source
 from dfvs_sim.dynamics.rigid_body import Command, Quadrotor
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion import flight
 
 DT_S = 0.004
 MOTION = (
@@ -88,7 +89,7 @@ def test_a_body_velocity_goes_where_the_estimated_heading_points(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     wrong = EstimateErrors(heading_bias_mean_deg=math.degrees(0.3))
-    monkeypatch.setitem(ERRORS, EstimateGrade.LOW, wrong)
+    monkeypatch.setattr(flight, "errors_of", lambda grade: wrong)
     to_north = setpoint(frame=1, mask=0x9C7, yaw=0.0)
     vehicle = in_offboard(to_north, 8.0, estimate=EstimateGrade.LOW)
     assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)  # the estimate says north
@@ -195,7 +196,7 @@ def test_every_message_with_a_heading_tells_of_its_reset(grade: EstimateGrade) -
 def test_a_heading_that_is_held_shifts_along_with_a_reset(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(ERRORS, EstimateGrade.LOW, RESET)
+    monkeypatch.setattr(flight, "errors_of", lambda grade: RESET)
     parameters = {"MIS_TAKEOFF_ALT": 2.0}
     vehicle = VehicleInHand(estimate=EstimateGrade.LOW, parameters=parameters)
     px4 = vehicle.px4
@@ -218,6 +219,6 @@ def test_sizes_that_are_none_are_refused(wrong: dict[str, float]) -> None:
 
 
 def test_every_grade_has_errors_and_they_grow() -> None:
-    sizes = [ERRORS[grade].velocity_m_s for grade in EstimateGrade]
+    sizes = [errors_of(grade).velocity_m_s for grade in EstimateGrade]
     assert sizes[0] == 0.0
     assert sizes == sorted(set(sizes))

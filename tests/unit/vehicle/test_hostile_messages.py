@@ -11,7 +11,7 @@ from vehicle_in_hand import hovering, in_offboard, setpoint
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.parameters import DEFAULTS
+from dfvs_sim.vehicle.parameters import default_parameters
 
 HANDLED = (
     "HEARTBEAT",
@@ -53,7 +53,7 @@ def hostile_message(rng: np.random.Generator) -> Any:
         if field == "command":
             fields[field] = int(rng.choice(COMMANDS))
         if field == "param_id" and rng.random() < 0.7:
-            fields[field] = str(rng.choice(sorted(DEFAULTS))).encode()
+            fields[field] = str(rng.choice(list(default_parameters()))).encode()
         if field == "param_type":
             fields[field] = int(rng.choice([6, 9]))
         if field == "coordinate_frame":

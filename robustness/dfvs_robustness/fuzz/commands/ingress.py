@@ -53,13 +53,7 @@ class Passed:
 
 
 class Ingress:
-    """Operator link and gate as one.
-
-    Parameters
-    ----------
-    born_ns : int
-        Monotonic time.
-    """
+    """Operator link and gate as one, born at a monotonic time."""
 
     def __init__(self, born_ns: int) -> None:
         self.admission = CommandAdmission(born_ns)

@@ -38,15 +38,7 @@ _REMEMBERED = 256
 
 
 class Sender:
-    """Everybody who sends.
-
-    Parameters
-    ----------
-    rng : RandomSource
-        Of all choices.
-    born_ns : int
-        Monotonic time.
-    """
+    """Everybody who sends; ``rng`` makes all choices."""
 
     def __init__(self, rng: RandomSource, born_ns: int) -> None:
         self._rng = rng

@@ -10,7 +10,7 @@ import numpy as np
 from dfvs_robustness.fuzz.commands.ingress import CommandEpisode, Ingress, Passed, Sending
 from dfvs_robustness.fuzz.commands.invariants import CommandChecker
 from dfvs_robustness.fuzz.commands.sendings import Sender
-from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.random_source import RandomSource
 from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
 
@@ -52,13 +52,7 @@ class _Trial:
 
 
 def run_episode(seed: tuple[int, int], tally: CommandTally) -> Finding[CommandEpisode] | None:
-    """Run one episode; the same seed gives the same episode.
-
-    Returns
-    -------
-    Finding or None
-        The episode up to the command that violated an invariant.
-    """
+    """Run an episode; it is given up to the command that violated an invariant, if one did."""
     rng = RandomSource(np.random.default_rng(seed))
     episode = CommandEpisode(rng.integer(0, 2**50))
     sender, trial = Sender(rng, episode.born_ns), _Trial(episode.born_ns)
@@ -121,5 +115,5 @@ def _episode(document: dict[str, Any]) -> CommandEpisode:
     return CommandEpisode(int(document["born_ns"]), sendings)
 
 
-COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten)
-REPLAY = ReplayFormat("dfvs-command-replay/1", _dump, _episode)
+_FILES = ("dfvs-command-replay/1", _dump, _episode)
+COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten, *_FILES)

@@ -53,11 +53,6 @@ class Corpus:
 
     ``good`` are images of the camera's size, ``other`` those of another size, ``files`` those of
     formats that are not spoken here.
-
-    Parameters
-    ----------
-    rng : np.random.Generator
-        Draws the good images.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:

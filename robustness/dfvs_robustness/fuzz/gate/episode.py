@@ -82,14 +82,8 @@ def draw_config(rng: RandomSource) -> GateConfig:
 class Surroundings:
     """Makes the events of an episode, step by step, and reacts to what the gate does.
 
-    Parameters
-    ----------
-    config : GateConfig
-        The gate's, which tells how it is engaged.
-    rng : RandomSource
-        Draws all that is random.
-    t_ns : int
-        Monotonic time of the start.
+    ``config`` tells how the gate is engaged, ``rng`` draws all that is random, and ``t_ns`` is the
+    monotonic time of the start.
     """
 
     def __init__(self, config: GateConfig, rng: RandomSource, t_ns: int) -> None:

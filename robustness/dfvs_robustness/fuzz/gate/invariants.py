@@ -30,15 +30,7 @@ def _demand(holds: bool, rule: str, text: object) -> None:
 
 
 class InvariantChecker:
-    """Watches a gate step by step and raises at the first violation.
-
-    Parameters
-    ----------
-    config : GateConfig
-        What the gate was given.
-    t_ns : int
-        When it was started, monotonic.
-    """
+    """Watches a gate from the monotonic t_ns on, and raises at the first violation."""
 
     def __init__(self, config: GateConfig, t_ns: int) -> None:
         self.config = config

@@ -12,7 +12,7 @@ from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.replay import EVENT_KINDS
 from dfvs_core.messages.schema import dump, rebuild, with_present_names
-from dfvs_robustness.fuzz.finding import Finding, InvariantError, ReplayFormat
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.gate.episode import Episode, Step, begin_episode
 from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
 from dfvs_robustness.fuzz.run import Tally, Target, shrink_list
@@ -48,13 +48,7 @@ class GateTally(Tally):
 
 
 def run_episode(seed: tuple[int, int], tally: GateTally) -> Finding[Episode] | None:
-    """Run one episode; the same seed gives the same episode.
-
-    Returns
-    -------
-    Finding or None
-        The episode up to the step that violated an invariant.
-    """
+    """Run an episode; it is given up to the step that violated an invariant, if one did."""
     episode, surroundings = begin_episode(np.random.default_rng(seed))
     machine = GateMachine(episode.config, episode.born_ns)
     checker = InvariantChecker(episode.config, episode.born_ns)
@@ -111,13 +105,7 @@ def shorten(episode: Episode, fails: Callable[[Episode], bool]) -> Episode:
 
 
 def check_twin(episode: Episode, outputs: list[GateOutput], shift_ns: int) -> None:
-    """I7: the same episode at another time of day gives the same outputs.
-
-    Raises
-    ------
-    InvariantError
-        If it does not.
-    """
+    """I7: the same episode at another time of day gives the same outputs; else InvariantError."""
     twin = GateMachine(episode.config, episode.born_ns + shift_ns)
     for (t_ns, events), output in zip(episode.steps, outputs, strict=True):
         again = twin.step(t_ns + shift_ns, [_shifted(e, shift_ns) for e in events])
@@ -161,5 +149,5 @@ def _episode(document: dict[str, Any]) -> Episode:
     return Episode(config, int(document["born_ns"]), steps)
 
 
-GATE = Target(GateTally, run_episode, replay_episode, shorten)
-REPLAY = ReplayFormat("dfvs-gate-replay/1", _dump, _episode)
+_FILES = ("dfvs-gate-replay/1", _dump, _episode)
+GATE = Target(GateTally, run_episode, replay_episode, shorten, *_FILES)

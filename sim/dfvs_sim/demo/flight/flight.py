@@ -61,14 +61,8 @@ class FlightSession:
 class Flight:
     """Everything that one flight needs, from an empty folder to a log.
 
-    Parameters
-    ----------
-    plan : FlightPlan
-    options : FlightOptions
-    folder : Path
-        Exists; takes goal, logs and records.
-    log : callable
-        Takes one line for the user at every step.
+    The folder exists, and takes goal, logs and records; ``log`` takes one line for the user at
+    every step.
 
     Raises
     ------

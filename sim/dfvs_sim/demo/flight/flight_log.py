@@ -14,15 +14,7 @@ SETTLE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FlightLog:
-    """What is known after a flight.
-
-    Attributes
-    ----------
-    engaged_ns, ended_ns : int
-        When it was engaged, and when it reached its end or the timeout (monotonic).
-    end_state, end_cause : str
-        The gate's state at ``ended_ns``, and why: what follows belongs to no flight any more.
-    """
+    """What is known after a flight."""
 
     plan: FlightPlan
     options: FlightOptions
@@ -30,8 +22,10 @@ class FlightLog:
     watch: TelemetryWatch
     engaged_ns: int
     ended_ns: int
+    """When it reached its end or the timeout (monotonic)."""
     end_state: str
     end_cause: str
+    """Of the gate at ``ended_ns``: what follows belongs to no flight any more."""
     vehicle_record: Path | None
 
     @property

@@ -13,25 +13,16 @@ from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 
 @dataclass(frozen=True, slots=True)
 class FlightProcesses:
-    """Makes the processes of a flight; none is started before its context is entered.
-
-    Parameters
-    ----------
-    options : FlightOptions
-    ports : FlightPorts
-    camera : CameraLink
-        How frames travel to the service.
-    folder : Path
-        Takes logs and records.
-    seed : int
-        Of the simulated vehicle's noise.
-    """
+    """Makes the processes of a flight; none is started before its context is entered."""
 
     options: FlightOptions
     ports: FlightPorts
     camera: CameraLink
+    """How frames travel to the service."""
     folder: Path
+    """Takes logs and records."""
     seed: int
+    """Of the simulated vehicle's noise."""
 
     @property
     def vehicle_record(self) -> Path | None:
@@ -51,14 +42,7 @@ class FlightProcesses:
         return Child("vehicle", words, self.folder / "vehicle.log")
 
     def service(self, goals: Sequence[Path], system_id: int | None) -> Child:
-        """``dfvs-service`` with the images of its goals.
-
-        Parameters
-        ----------
-        goals : sequence of Path
-        system_id : int or None
-            MAVLink system id of the vehicle; None leaves it to the settings.
-        """
+        """``dfvs-service`` with the images of its goals; no id leaves it to its settings."""
         mavlink = self.options.autopilot or f"udpin://{LOOPBACK}:{self.ports.companion}"
         named = () if system_id is None else ("--set", f"vehicle.system_id={system_id}")
         words = [

@@ -31,12 +31,7 @@ class TrackPoint:
 class Track:
     """Samples the camera's pose at 20 Hz on a thread of its own.
 
-    Parameters
-    ----------
-    pose_at : callable
-        ``T_scene_camera`` (4, 4) at a monotonic time, None where unknown.
-    T_scene_goal : (4, 4)
-        Goal pose.
+    ``pose_at`` gives ``T_scene_camera`` (4, 4) at a monotonic time, None where unknown.
     """
 
     def __init__(

@@ -18,14 +18,9 @@ class ReportError(DfvsError):
 
 
 class FlightReport:
-    """Has a flight recorded, and makes its report.
+    """Has a flight recorded, and makes its report in the folder: what an earlier flight left goes.
 
-    Parameters
-    ----------
-    folder : Path
-        Takes the report. What an earlier flight left of it goes.
-    service : tuple of str
-        Words for ``dfvs-service``, which may say where the recording goes.
+    The words for ``dfvs-service`` may say where the recording goes.
     """
 
     def __init__(self, folder: Path, service: tuple[str, ...]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dfvs_sim.dynamics.control import Controller, Demand
-from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade, errors_of
 from dfvs_sim.dynamics.estimator import Estimator
 from dfvs_sim.dynamics.rigid_body import Quadrotor, Vector
 from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
@@ -64,7 +64,7 @@ class Flight:
         of_errors, of_wind = rng.spawn(2)
         strength = STRENGTHS[config.wind]
         self._wind = Wind(strength, config.wind_north_m_s, config.wind_east_m_s, of_wind)
-        self.estimator = Estimator(ERRORS[config.estimate], of_errors)
+        self.estimator = Estimator(errors_of(config.estimate), of_errors)
         self.estimate = self.estimator.update(0.0, self.vehicle)
 
     def on_setpoint(self, demand: Demand) -> None:
