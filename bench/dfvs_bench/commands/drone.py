@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_bench.drone.flights import fly
 from dfvs_bench.drone.levelled import levelled_task
-from dfvs_bench.drone.limits import depth_network, settings_in_force, velocity_limits
+from dfvs_bench.drone.limits import depth_network, velocity_limits
 from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
@@ -28,6 +28,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
 from dfvs_sim.demo.autopilot import add_autopilot_options, check_autopilot
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.flight.service_settings import settings_in_force
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
 from dfvs_sim.options import require_range, write_json

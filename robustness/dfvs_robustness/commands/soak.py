@@ -10,6 +10,7 @@ from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, judge, latency_figures
+from dfvs_sim.demo.flight.engagement import engagement_of
 from dfvs_sim.demo.flight.flight import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
@@ -64,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
     require_file("--json", args.json)
+    words = tuple(args.service.split())
+    engagement_of(words)
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -73,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
         args.size = measured_size(progress.log)
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
-    words = tuple(args.service.split())
     options = MissionOptions(args.out.absolute(), args.minutes, args.rate, words)
     mission = Mission(plan, options, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""

@@ -41,6 +41,8 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
         (("--wind", "calm", "--autopilot", "udpin://127.0.0.1:1"), "--wind beside --autopilot"),
         (("--service", "--engage never"), "engage never"),
+        (("--service", "--enagge auto"), "its words: unrecognized arguments: --enagge auto"),
+        (("--service", "--set gate.engaged=auto"), "did you mean 'engage'"),
         (("--route", "--goal", "0,0,-1,0"), "--route beside"),
         (("--route", "--start", "0,0,-1,0"), "--route beside"),
         (("--route", "--scene", "room.glb"), "--route beside"),
