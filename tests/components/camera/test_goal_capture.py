@@ -99,7 +99,7 @@ def test_a_camera_that_looks_ahead_is_assumed_aloud(pictures, capsys):
         (("--attitude", "flat"), "--attitude is 'flat'"),
         (("--attitude", "1,200"), "90 degrees"),
         (("--attitude", "0,0", "--mavlink", "udpin://127.0.0.1:1"), "only one of them"),
-        (("--mavlink", "/dev/ttyACM0"), "; expected udpin://HOST:PORT or serial:///dev/ttyACM0:"),
+        (("--mavlink", "/dev/ttyACM0"), "vehicle.mavlink = '/dev/ttyACM0'; expected udpin://"),
         (("--frames", "0"), "--frames is 0"),
         (("--size", "640x480"), "the calibration's size"),
     ],
