@@ -16,7 +16,7 @@ from dfvs_service.perception.announced import await_camera
 from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.settings.calibration_file import with_calibration
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import attachment_of, open_session
+from dfvs_service.zenoh_session import attachment_of, open_session, publisher_of
 
 
 def open_beside(config: ServiceConfig) -> zenoh.Session:
@@ -92,7 +92,7 @@ class FrameQueue:
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         payload, attachment = sample.payload.to_bytes(), attachment_of(sample)
-        self._mailbox.put(RawSample(payload, attachment, time.monotonic_ns()))
+        self._mailbox.put(RawSample(payload, attachment, time.monotonic_ns(), publisher_of(sample)))
 
     def receive_sample(self, timeout_s: float) -> RawSample | None:
         """Newest sample in our own wire format, None if none came that can be read."""
