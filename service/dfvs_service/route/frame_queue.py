@@ -35,8 +35,16 @@ def open_beside(config: ServiceConfig) -> zenoh.Session:
         return open_session(config.zenoh)
 
 
-def known_camera(config: ServiceConfig) -> CameraModel:
+def known_camera(
+    config: ServiceConfig, remedy: str = "make one with dfvs-camera calibrate"
+) -> CameraModel:
     """Calibration by the settings, or as the camera announces it.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+    remedy : str
+        How to have a calibration, for the error.
 
     Raises
     ------
@@ -50,13 +58,13 @@ def known_camera(config: ServiceConfig) -> CameraModel:
         raise ConfigError(
             f"no camera announced its calibration on {key} within {wait_s:g} s",
             "one that runs and is calibrated, or a calibration in the settings' [camera] section",
-            "make one with dfvs-camera calibrate",
+            remedy,
         )
     if camera is None:
         raise ConfigError(
             "nothing is known of the camera's lens",
             "a calibration in the settings' [camera] section",
-            "make one with dfvs-camera calibrate, or set camera.announced_s",
+            f"{remedy}, or set camera.announced_s",
         )
     return camera
 
