@@ -142,6 +142,6 @@ def _print(report: dict[str, Any]) -> None:
     )
     for hold in report["holds"]:
         print(
-            f"  {hold['cause']}: no picture for {hold['camera_gap_ms']:.0f} ms, none seen for "
+            f"  {hold['cause']}: no image for {hold['camera_gap_ms']:.0f} ms, none seen for "
             f"{hold['seen_gap_ms']:.0f}, at most {hold['latency_ms']:.0f} to its report"
         )
