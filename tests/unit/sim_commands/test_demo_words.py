@@ -28,6 +28,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--ready", "0"), "--ready is 0"),
         (("--name", "A B"), "vehicle name 'A B'"),
         (("--autopilot", "/dev/ttyACM0"), "--autopilot is '/dev/ttyACM0'; expected a MAVLink URL"),
+        (("--autopilot", "serial:///dev/ttyACM0"), "vehicle.mavlink = 'serial:///dev/ttyACM0'"),
         (("--autopilot", "udpin://127.0.0.1:1", "--ground", "14550"), "--ground is '14550'"),
         (("--vehicles", "5"), "--vehicles is 5; expected 1 to 4"),
         (("--vehicles", "0"), "--vehicles is 0; expected 1 to 4"),
