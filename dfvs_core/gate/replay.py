@@ -61,6 +61,7 @@ class Replay:
     agree; ``gap`` says why the journal could not be followed to its end.
     """
 
+    start_ns: int
     steps: int
     transitions: tuple[Transition, ...]
     setpoints: int
@@ -117,23 +118,25 @@ def replay(lines: Iterable[str]) -> Replay:
         If the lines are no journal.
     """
     remaining = iter(lines)
-    machine = GateMachine(*read_start(next(remaining, "")))
+    config, start_ns = read_start(next(remaining, ""))
+    machine = GateMachine(config, start_ns)
     count = setpoints = 0
+    difference = gap = ""
     transitions: list[Transition] = []
     for step in read_steps(remaining):
         if isinstance(step, int):
             gap = f"{step} or more steps are missing after step {count}"
-            return Replay(count, tuple(transitions), setpoints, gap=gap)
+            break
         output = machine.step(step.t_ns, step.events)
         transitions.extend(output.transitions)
         setpoints += output.setpoint is not None
         # What was read back went through JSON; so must what it is compared with.
         encoded = json.loads(json.dumps(_encode_output(output)))
         if encoded != step.encoded:
-            text = f"step {count} at {step.t_ns} ns: {encoded} instead of {step.encoded}"
-            return Replay(count, tuple(transitions), setpoints, difference=text)
+            difference = f"step {count} at {step.t_ns} ns: {encoded} instead of {step.encoded}"
+            break
         count += 1
-    return Replay(count, tuple(transitions), setpoints)
+    return Replay(start_ns, count, tuple(transitions), setpoints, difference, gap)
 
 
 def _values(event: Event) -> list[Any]:

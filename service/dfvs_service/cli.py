@@ -85,14 +85,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _print_config(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="dfvs-service config",
-        description="Print the settings as commented TOML, ready to be edited.",
-        epilog="example: dfvs-service config --set gate.engage=auto > service.toml",
+        description="Print the settings of a flight with these options as commented TOML, ready to "
+        "be edited. Options that are no settings change nothing.",
+        epilog="example: dfvs-service config --engage auto > service.toml",
     )
-    add_settings_options(parser)
+    _add_flight_options(parser)
     parser.add_argument("--markdown", action="store_true", help="print a table for documentation")
     arguments = parser.parse_args(words)
     as_text = markdown_table if arguments.markdown else toml_text
-    print(as_text(settings_from(arguments)), end="")
+    print(as_text(_flight_settings(arguments)), end="")
     return EXIT_OK
 
 
@@ -138,18 +139,13 @@ def _renamed_image(path: str) -> Path:
     raise argparse.ArgumentTypeError(f"--picture is called --image: --image {path}")
 
 
-def _flight_parser() -> argparse.ArgumentParser:
-    parser = program_parser(
-        "dfvs-service",
-        "Fly a PX4 drone to the view that a goal image shows.",
-        _EXAMPLE,
-    )
+def _add_flight_options(parser: argparse.ArgumentParser, *, needs_goal: bool = False) -> None:
     parser.add_argument(
         "--goal",
         type=Path,
         action="extend",
         nargs="+",
-        required=True,
+        required=needs_goal,
         metavar="IMAGE",
         help="PNG or JPEG; several, or a folder of them, are flown to one after the other",
     )
@@ -198,7 +194,22 @@ def _flight_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--json-log", action="store_true", help="print the gate's log as JSON lines"
     )
-    return parser
+
+
+def _flight_settings(arguments: argparse.Namespace) -> ServiceConfig:
+    """Settings with the options of a flight over them."""
+    return settings_from(
+        arguments,
+        {
+            "gate.engage": arguments.engage,
+            "gate.on_done": arguments.on_done,
+            "gate.exit_when_done": arguments.exit_when_done,
+            "vehicle.mavlink": arguments.mavlink,
+            "flow.model": arguments.model,
+            "camera.horizontal_fov_deg": arguments.camera_fov,
+            "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
+        },
+    )
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
@@ -219,19 +230,12 @@ def _check_options(arguments: argparse.Namespace) -> None:
 
 def _fly(words: Sequence[str], commands: Iterable[str]) -> int:
     require_options(words, commands)
-    arguments = _flight_parser().parse_args(words)
-    config = settings_from(
-        arguments,
-        {
-            "gate.engage": arguments.engage,
-            "gate.on_done": arguments.on_done,
-            "gate.exit_when_done": arguments.exit_when_done,
-            "vehicle.mavlink": arguments.mavlink,
-            "flow.model": arguments.model,
-            "camera.horizontal_fov_deg": arguments.camera_fov,
-            "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
-        },
+    parser = program_parser(
+        "dfvs-service", "Fly a PX4 drone to the view that a goal image shows.", _EXAMPLE
     )
+    _add_flight_options(parser, needs_goal=True)
+    arguments = parser.parse_args(words)
+    config = _flight_settings(arguments)
     _check_options(arguments)
     goal_paths = route_images(arguments.goal)
     if arguments.check:

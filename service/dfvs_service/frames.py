@@ -10,11 +10,15 @@ from dfvs_core.messages.frame_record import FrameRecord
 
 @dataclass(frozen=True, slots=True)
 class RawSample:
-    """A frame as it came: payload, attachment and the time of its arrival."""
+    """A frame as it came: payload, attachment and the time of its arrival.
+
+    ``publisher`` is the id of the Zenoh session that stamped it, empty where none did.
+    """
 
     payload: bytes
     attachment: bytes
     t_arrival_ns: int
+    publisher: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.endpoints import is_loopback
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 from dfvs_service.settings.sections import ZenohSection
 
 _ZENOH_KINDS = {
@@ -78,10 +79,11 @@ def zenoh_port(endpoint: str) -> LocalPort | None:
 
 def mavlink_port(url: str) -> LocalPort | None:
     """Port at which MAVSDK listens for a connection's URL, None where it does not listen."""
-    scheme, _, rest = url.partition("://")
-    if scheme == "udp" and rest.rpartition(":")[0] in ("", "0.0.0.0"):
-        scheme, rest = "udpin", f"0.0.0.0:{rest.rpartition(':')[2]}"
-    return _local_port(_MAVLINK_KINDS.get(scheme), rest)
+    parts = MavlinkUrl.parse(url)
+    host, kind = parts.host, _MAVLINK_KINDS.get(parts.scheme)
+    if parts.scheme == "udp" and host in ("", "0.0.0.0"):
+        host, kind = "0.0.0.0", socket.SOCK_DGRAM
+    return None if kind is None else LocalPort(kind, host, parts.number)
 
 
 def require_free_zenoh_ports(section: ZenohSection) -> None:

@@ -122,6 +122,11 @@ def attachment_of(sample: zenoh.Sample) -> bytes:
     return b"" if sample.attachment is None else sample.attachment.to_bytes()
 
 
+def publisher_of(sample: zenoh.Sample) -> str:
+    """Id of the Zenoh session that stamped a sample, empty where none did."""
+    return "" if sample.timestamp is None else str(sample.timestamp.get_id())
+
+
 def link_zenoh(config: ZenohSection, runtime: RuntimeFolder) -> ZenohSection:
     """Settings of the operator link: without a router the service's processes connect to it."""
     if config.mode == "client":

@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_bench.drone.flights import fly
 from dfvs_bench.drone.levelled import levelled_task
-from dfvs_bench.drone.limits import depth_network, settings_in_force, velocity_limits
+from dfvs_bench.drone.limits import depth_network, velocity_limits
 from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
@@ -26,6 +26,7 @@ from dfvs_bench.trials.task import BenchTask
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
+from dfvs_sim.demo.flight.service_settings import settings_in_force
 from dfvs_sim.demo.options import (
     FlightOptions,
     add_autopilot_options,

@@ -1,40 +1,11 @@
-"""The settings that a service flies by, asked of the service itself."""
+"""Limits and depth network of the settings that a service flies by."""
 
 import math
-import subprocess
-import sys
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.servo.config import BY_NETWORK
-
-_TIMEOUT_S = 60.0
-
-
-def settings_in_force(words: Sequence[str]) -> dict[str, Any]:
-    """All settings of a service with these ``--set`` and ``--config`` words, by section and key.
-
-    Raises
-    ------
-    ConfigError
-        If the service refuses them, or does not answer.
-    """
-    command = [sys.executable, "-m", "dfvs_service.cli", "config", *words]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S
-        )
-    except subprocess.TimeoutExpired as error:
-        raise ConfigError(
-            f"dfvs-service config gave no answer in {_TIMEOUT_S:g} s", "an idle machine"
-        ) from error
-    if done.returncode != 0:
-        said = done.stderr.strip().splitlines()[-1:] or ["nothing"]
-        raise ConfigError(f"dfvs-service refuses its settings: {said[0].removeprefix('error: ')}")
-    return tomllib.loads(done.stdout)
 
 
 def depth_network(settings: Mapping[str, Any]) -> str | None:

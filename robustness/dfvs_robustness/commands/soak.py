@@ -10,6 +10,7 @@ from dfvs_common.command_line import require_file
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, judge, latency_figures
+from dfvs_sim.demo.flight.engagement import engagement_of
 from dfvs_sim.demo.flight.flight import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
@@ -57,13 +58,14 @@ def run(args: argparse.Namespace) -> int:
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
     require_file("--json", args.json)
+    words = tuple(args.service.split())
+    engagement_of(words)
     folder = made_folder(args.out)
     progress = Progress()
     if args.size == AUTO:
         args.size = measured_size(progress.log)
     renderer = renderer_from(args)
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
-    words = tuple(args.service.split())
     options = MissionOptions(folder, args.minutes, args.rate, words)
     mission = Mission(plan, options, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""
@@ -130,6 +132,6 @@ def _print(report: dict[str, Any]) -> None:
     )
     for hold in report["holds"]:
         print(
-            f"  {hold['cause']}: no picture for {hold['camera_gap_ms']:.0f} ms, none seen for "
+            f"  {hold['cause']}: no image for {hold['camera_gap_ms']:.0f} ms, none seen for "
             f"{hold['seen_gap_ms']:.0f}, at most {hold['latency_ms']:.0f} to its report"
         )

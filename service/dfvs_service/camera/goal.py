@@ -34,6 +34,7 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 
 ZENOH = "zenoh"
 _RECEIVE_S = 0.25
+_CALIBRATION = "give --calibration FILE, which dfvs-camera calibrate writes"
 _EPILOG = """\
 examples:
   dfvs-camera goal --source 0 --calibration camera.toml --config service.toml \\
@@ -79,7 +80,7 @@ def run(words: Sequence[str]) -> int:
     if given is not None and arguments.mavlink is not None:
         raise ConfigError("--attitude beside --mavlink", "only one of them")
     config = settings_from(arguments)
-    camera = calibration_of(arguments) or known_camera(config)
+    camera = calibration_of(arguments) or known_camera(config, _CALIBRATION)
     listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
         listener = VehicleStateListener(attitude_only=True)

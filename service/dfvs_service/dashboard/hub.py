@@ -72,8 +72,9 @@ class Hub:
             return
         self._watchers[outbox] = vehicle
         outbox.forget()
-        links = model.link_update(self._clock())
-        outbox.offer(_encode({"watching": vehicle, **model.history(), **links}))
+        now = self._clock()
+        news = {"watching": vehicle, **model.history(now), **model.link_update(now)}
+        outbox.offer(_encode(news))
         outbox.offer({"vehicles": self._vehicles_json()})
         for kind, image in self._images.get(vehicle, {}).items():
             outbox.show(kind, image)
@@ -139,7 +140,8 @@ class Hub:
         self._on_watch(frozenset(name for name in self._watchers.values() if name is not None))
 
     def _vehicles_json(self) -> str:
-        return _json([model.listing() for _, model in sorted(self._models.items())])
+        now = self._clock()
+        return _json([model.listing(now) for _, model in sorted(self._models.items())])
 
 
 def _json(value: Any) -> str:

@@ -73,6 +73,12 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
             yield record
 
 
+def started_ns(folder: Path) -> int | None:
+    """Start of the flight of a folder, monotonic ns; None where its header is not there."""
+    start_ns = next(read_lines(folder / layout.HEADER), {}).get("started_ns")
+    return start_ns if isinstance(start_ns, int) else None
+
+
 def read_summary(folder: Path) -> FlightSummary:
     """What happened in the flight of a folder, whatever of it is there."""
     header = next(read_lines(folder / layout.HEADER), {})
@@ -80,7 +86,7 @@ def read_summary(folder: Path) -> FlightSummary:
     date, vehicle = parts_of(folder.name)
     times = [t for r in (*gate, *service) if isinstance(t := r.get("t_ns"), int)]
     times += [_last_step_ns(folder / layout.GATE_INPUTS)]
-    start_ns = int(header.get("started_ns") or min(filter(None, times), default=0))
+    start_ns = started_ns(folder) or min(filter(None, times), default=0)
     states = tuple(_state_change(r, start_ns) for r in gate if r.get("kind") == "transition")
     told = tuple(str(r.get("text", "")) for r in service if r.get("kind") == "told")
     code = next((_code(r) for r in (*service, *gate) if r.get("kind") == "end"), None)

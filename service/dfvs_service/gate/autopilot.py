@@ -25,14 +25,10 @@ from dfvs_core.gate.limits import BodyVelocity, VelocityLimits
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
 from dfvs_service.gate.mavlink_systems import connect_autopilot, is_autopilot
-from dfvs_service.gate.serial_device import (
-    SerialDevice,
-    SerialDeviceError,
-    serial_path,
-    wait_for_device,
-)
+from dfvs_service.gate.serial_device import SerialDevice, SerialDeviceError, wait_for_device
 from dfvs_service.gate.speed_limits import SPEED_LIMITS, speed_refusals
 from dfvs_service.ports import require_free_mavlink_port
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
@@ -100,7 +96,7 @@ class Autopilot:
             If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
-        path = serial_path(url)
+        path = MavlinkUrl.parse(url).device
         self._serial = None if path is None else wait_for_device(path, timeout_s)
         self._mavsdk, system = connect_autopilot(url, self._system_id, timeout_s)
         self._system_id = int(system.get_system_id())

@@ -75,8 +75,7 @@ def _open(url: str, own_id: int) -> Mavsdk:
     if result != 0:
         raise VehicleError(
             f"cannot open the MAVLink connection {url!r} ({result.name})",
-            "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
-            "is another program using it?",
+            remedy="check vehicle.mavlink, and that no other program uses it",
         )
     return mavsdk
 

@@ -15,22 +15,12 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 
-_SCHEMES = frozenset({"serial", "serial_flowcontrol"})
 _TAKEN = frozenset({errno.EWOULDBLOCK, errno.EBUSY})
 _POLL_S = 0.2
 
 
 class SerialDeviceError(DfvsError):
     """A serial device that is missing, may not be used, or was lost."""
-
-
-def serial_path(url: str) -> Path | None:
-    """Device of a MAVLink URL such as ``serial:///dev/ttyACM0:921600``, None for a network's."""
-    scheme, _, rest = url.partition("://")
-    if scheme not in _SCHEMES:
-        return None
-    path, _, baud_rate = rest.rpartition(":")
-    return Path(path if path and baud_rate.isdecimal() else rest)
 
 
 class SerialDevice:

@@ -21,6 +21,7 @@ from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.messages.schema import dump
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.frame_result import FrameResult
+from dfvs_service import zenoh_session
 from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.frames import RawSample
 from dfvs_service.gate_link import GateLink
@@ -52,7 +53,6 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal, load_goals
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import attachment_of, inner_zenoh, open_persistently, open_within
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
@@ -152,10 +152,10 @@ class PerceptionProcess:
     def _open(self) -> zenoh.Session | None:
         """Connect to the operator link, or wait for the router; None if stopped before."""
         config = self._config.zenoh
-        section = inner_zenoh(config, self._runtime)
+        section = zenoh_session.inner_zenoh(config, self._runtime)
         if config.mode == "client":
-            return open_persistently(section, lambda: self._stopped, self._send_fault)
-        return open_within(section, _LINK_PATIENCE_S, lambda: self._stopped)
+            return zenoh_session.open_persistently(section, lambda: self._stopped, self._send_fault)
+        return zenoh_session.open_within(section, _LINK_PATIENCE_S, lambda: self._stopped)
 
     def _send_fault(self, text: str) -> None:
         """Tell the gate why there are no frames."""
@@ -192,10 +192,10 @@ class PerceptionProcess:
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
-        attachment = attachment_of(sample)
-        now_ns = time.monotonic_ns()
+        attachment, now_ns = zenoh_session.attachment_of(sample), time.monotonic_ns()
         if self._rate_limiter is None or self._rate_limiter.admits(attachment, now_ns):
-            self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))
+            payload, publisher = sample.payload.to_bytes(), zenoh_session.publisher_of(sample)
+            self._mailbox.put(RawSample(payload, attachment, now_ns, publisher))
 
     def _on_gate(self, message: FromGate) -> None:
         """Thread of the gate's datagrams: keep states until the next step."""

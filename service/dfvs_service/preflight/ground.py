@@ -12,10 +12,11 @@ from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
-from dfvs_service.gate.serial_device import device_fault, serial_path
+from dfvs_service.gate.serial_device import device_fault
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.key_file import load_key
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 
 _FRAMES = 5
 _SHIFT_PX = 4
@@ -76,7 +77,7 @@ def speed_check(
 
 def device_check(config: ServiceConfig) -> Check | None:
     """Line for a serial device that nobody can use; None for any other connection."""
-    device = serial_path(config.vehicle.mavlink)
+    device = MavlinkUrl.parse(config.vehicle.mavlink).device
     fault = None if device is None else device_fault(device)
     return None if fault is None else error_check("mavlink", fault)
 

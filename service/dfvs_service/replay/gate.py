@@ -10,6 +10,7 @@ from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.replay import Replay, replay
+from dfvs_service.flights.records import started_ns
 
 _EPILOG = """\
 example: dfvs-service replay-gate runs/gate-inputs.jsonl
@@ -47,13 +48,16 @@ def replay_gate(words: Sequence[str]) -> int:
     except WireError as error:
         problem = f"{arguments.journal} cannot be used: {error.problem}"
         raise ConfigError(problem, error.expected or _EXPECTED) from error
-    print(json.dumps(dataclasses.asdict(result)) if arguments.json else _as_text(result))
+    start_ns = started_ns(arguments.journal.parent) or result.start_ns
+    print(json.dumps(dataclasses.asdict(result)) if arguments.json else _as_text(result, start_ns))
     return EXIT_FAILED if result.difference else EXIT_OK
 
 
-def _as_text(result: Replay) -> str:
+def _as_text(result: Replay, start_ns: int) -> str:
+    """Transitions with their time since the start of the flight, and the result."""
     lines = [
-        f"{t.t_ns / S:.3f} s  {t.source} -> {t.target}  {t.reason}" for t in result.transitions
+        f"{(t.t_ns - start_ns) / S:9.3f} s  {t.source} -> {t.target}  {t.reason}"
+        for t in result.transitions
     ]
     lines.append(f"{result.steps} steps, {result.setpoints} setpoints: the gate says the same")
     if result.difference:

@@ -90,7 +90,7 @@ class Ros2FrameSource:
         self._clocks = clocks
         self._wall_clock = WallClock()
         self._count = 0
-        self._frame_id = ""
+        self._camera = ("", "")
         image = Ros2Topic(section.topic, self._type_name, section.domain)
         *namespace, name = image.plain.removesuffix("/compressed").split("/")
         self._is_rectified = name.startswith(_RECTIFIED)
@@ -120,33 +120,36 @@ class Ros2FrameSource:
         now = self._clocks()
         message = decode(self._type_name, sample.payload)
         pixels = from_compressed(message) if self._is_compressed else from_image(message)
-        self._require_same_camera(str(message.header.frame_id))
+        seq, publisher = self._count_of(sample)
+        self._require_same_camera(str(message.header.frame_id), publisher)
         t_ns = self._wall_clock.monotonic_of(pixels.stamp_ns, now)
         if t_ns < 0:
             raise WireError(
                 f"the image was taken {(now.monotonic_ns - t_ns) / 1e9:.0f} s ago by its stamp",
                 "header.stamp on this machine's system clock",
             )
-        header = self._header(pixels, self._sequence(sample.attachment), t_ns)
+        header = self._header(pixels, seq, t_ns)
         return RawSample(pixels.payload, encode_header(header), sample.t_arrival_ns)
 
-    def _require_same_camera(self, frame_id: str) -> None:
-        """Tell two cameras on one topic by their coordinate frames; not all send their count."""
-        before, self._frame_id = self._frame_id, frame_id
-        if before not in ("", frame_id):
-            raise WireError(
-                f"the image's frame_id is {frame_id[:40]!r}, the last one's {before[:40]!r}",
-                "one camera on the topic",
-                "give each camera a topic of its own",
-            )
+    def _require_same_camera(self, frame_id: str, publisher: str) -> None:
+        """Tell two cameras on one topic by their coordinate frames and publishers."""
+        before, self._camera = self._camera, (frame_id, publisher)
+        for name, last, this in zip(("frame_id", "publisher"), before, self._camera, strict=True):
+            if last not in ("", this):
+                raise WireError(
+                    f"the image's {name} is {this[:40]!r}, the last one's {last[:40]!r}",
+                    "one camera on the topic",
+                    "give each camera a topic of its own",
+                )
 
-    def _sequence(self, attachment: bytes) -> int:
-        """Publisher's own count where it sends one, else ours."""
+    def _count_of(self, sample: RawSample) -> tuple[int, str]:
+        """Count and id of the publisher: its own where it sends them, else ours and the bridge."""
         self._count += 1
         try:
-            return decode_attachment(attachment).seq & 0xFFFF_FFFF_FFFF_FFFF
+            attached = decode_attachment(sample.attachment)
         except WireError:
-            return self._count
+            return self._count, sample.publisher
+        return attached.seq & 0xFFFF_FFFF_FFFF_FFFF, attached.gid.hex()
 
     def _header(self, pixels: Pixels, seq: int, t_ns: int) -> FrameHeader:
         return FrameHeader(

@@ -16,7 +16,7 @@ from dfvs_service.perception.announced import await_camera
 from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.settings.calibration_file import with_calibration
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import attachment_of, open_session
+from dfvs_service.zenoh_session import attachment_of, open_session, publisher_of
 
 
 def open_beside(config: ServiceConfig) -> zenoh.Session:
@@ -35,8 +35,16 @@ def open_beside(config: ServiceConfig) -> zenoh.Session:
         return open_session(config.zenoh)
 
 
-def known_camera(config: ServiceConfig) -> CameraModel:
+def known_camera(
+    config: ServiceConfig, remedy: str = "make one with dfvs-camera calibrate"
+) -> CameraModel:
     """Calibration by the settings, or as the camera announces it.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+    remedy : str
+        How to have a calibration, for the error.
 
     Raises
     ------
@@ -50,13 +58,13 @@ def known_camera(config: ServiceConfig) -> CameraModel:
         raise ConfigError(
             f"no camera announced its calibration on {key} within {wait_s:g} s",
             "one that runs and is calibrated, or a calibration in the settings' [camera] section",
-            "make one with dfvs-camera calibrate",
+            remedy,
         )
     if camera is None:
         raise ConfigError(
             "nothing is known of the camera's lens",
             "a calibration in the settings' [camera] section",
-            "make one with dfvs-camera calibrate, or set camera.announced_s",
+            f"{remedy}, or set camera.announced_s",
         )
     return camera
 
@@ -86,7 +94,7 @@ class FrameQueue:
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         payload, attachment = sample.payload.to_bytes(), attachment_of(sample)
-        self._mailbox.put(RawSample(payload, attachment, time.monotonic_ns()))
+        self._mailbox.put(RawSample(payload, attachment, time.monotonic_ns(), publisher_of(sample)))
 
     def receive_sample(self, timeout_s: float) -> RawSample | None:
         """Newest sample in our own wire format, None if none came that can be read."""

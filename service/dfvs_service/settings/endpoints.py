@@ -1,4 +1,4 @@
-"""Encryption and reach of Zenoh endpoints and MAVLink connections."""
+"""Encryption and reach of Zenoh endpoints."""
 
 import ipaddress
 
@@ -15,12 +15,6 @@ def is_private(endpoint: str) -> bool:
     if is_encrypted(endpoint) or protocol in _LOCAL:
         return True
     return is_loopback(rest.split("#")[0].split("?")[0])
-
-
-def is_private_mavlink(url: str) -> bool:
-    """Whether a MAVLink connection is a serial line or stays on this machine."""
-    scheme, _, rest = url.partition("://")
-    return scheme.startswith("serial") or is_loopback(rest)
 
 
 def is_loopback(address: str) -> bool:

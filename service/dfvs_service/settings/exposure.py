@@ -2,7 +2,7 @@
 
 from dfvs_core.gate.checks.preflight import Check
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.endpoints import is_private_mavlink
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 
 
 def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
@@ -15,7 +15,7 @@ def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
             "frames and send other ones, by which the vehicle would fly"
         )
     encrypt = "make certificates with dfvs-certs and use tls/ endpoints"
-    private = is_private_mavlink(mavlink)
+    private = MavlinkUrl.parse(mavlink).is_private
     unsigned = (
         f"{mavlink} leaves this machine and MAVLink is NOT SIGNED: whoever is on that network can "
         "command the autopilot"

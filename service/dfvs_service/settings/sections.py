@@ -12,11 +12,9 @@ from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import TlsFiles, is_encrypted
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.settings.endpoints import here, is_private
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 
 _WORKING_WIDTHS_PX = (64, 1920)
-_MAVLINK_SCHEMES = frozenset(
-    ["udp", "udpin", "udpout", "tcp", "tcpin", "tcpout", "serial", "serial_flowcontrol", "raw"]
-)
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
 
@@ -40,14 +38,9 @@ class VehicleSection:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a name that no Zenoh key can hold, and a connection that MAVSDK does not know."""
+        """Refuse a name that no Zenoh key can hold, and a connection that MAVSDK does not take."""
         Topics(self.name)
-        scheme, is_url, _ = self.mavlink.partition("://")
-        if not is_url or scheme not in _MAVLINK_SCHEMES:
-            raise ConfigError(
-                f"vehicle.mavlink = {self.mavlink!r}",
-                "udpin://HOST:PORT or serial:///dev/ttyACM0:921600",
-            )
+        MavlinkUrl.parse(self.mavlink)
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,7 +118,8 @@ def _check(args: argparse.Namespace) -> None:
     require_file("--json", args.json)
     check_autopilot(args)
     conditions_from(args)
-    engagement_of(args.service.split())
+    link = () if args.autopilot is None else ("--mavlink", args.autopilot)
+    engagement_of((*link, *args.service.split()))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.fleet import Member, fly_together
 from dfvs_sim.demo.flight.flight import FLIGHT_ERRORS, Flight
+from dfvs_sim.demo.flight.service_settings import settings_in_force
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.image_size import AUTO, SIZES, measured_size
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, Conditions, FlightOptions, conditions_from
@@ -117,7 +118,8 @@ def _fly_one(
         f"seed {plan.seed}: {distance_m:.2f} m and {math.degrees(angle_rad):.1f} degrees "
         "from the goal"
     )
-    report = None if args.no_report else FlightReport(folder, tuple(args.service.split()))
+    service = args.service.split()
+    report = None if args.no_report else FlightReport(folder, settings_in_force(service))
     options = FlightOptions(
         timeout_s=args.timeout,
         ready_s=args.ready,
@@ -127,7 +129,7 @@ def _fly_one(
         conditions=conditions_from(args) if args.autopilot is None else Conditions(),
         autopilot=args.autopilot,
         ground=args.ground,
-        service=(*(report.words if report else ()), *args.service.split()),
+        service=(*(report.words if report else ()), *service),
         camera=args.camera,
         dashboard=args.dashboard,
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,

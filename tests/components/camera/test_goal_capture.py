@@ -99,7 +99,7 @@ def test_a_camera_that_looks_ahead_is_assumed_aloud(pictures, capsys):
         (("--attitude", "flat"), "--attitude is 'flat'"),
         (("--attitude", "1,200"), "90 degrees"),
         (("--attitude", "0,0", "--mavlink", "udpin://127.0.0.1:1"), "only one of them"),
-        (("--mavlink", "/dev/ttyACM0"), "; expected udpin://HOST:PORT or serial:///dev/ttyACM0:"),
+        (("--mavlink", "/dev/ttyACM0"), "vehicle.mavlink = '/dev/ttyACM0'; expected udpin://"),
         (("--frames", "0"), "--frames is 0"),
         (("--size", "640x480"), "the calibration's size"),
     ],
@@ -109,9 +109,16 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(pictures, refused, more, 
     assert not (pictures.parent / "goal.png").exists()
 
 
-def test_without_a_calibration_nothing_is_taken(pictures, refused):
+@pytest.mark.parametrize(
+    ("announced_s", "message"),
+    [(0.0, "nothing is known of the camera's lens"), (0.1, "no camera announced its calibration")],
+)
+def test_without_a_calibration_nothing_is_taken(pictures, refused, announced_s, message):
     without = [w for w in words(pictures) if "camera.toml" not in w and w != "--calibration"]
-    assert "nothing is known of the camera's lens" in refused(cli.main, *without)
+    announced = ("--set", f"camera.announced_s={announced_s}")
+    line = refused(cli.main, *without, *announced)
+    assert message in line
+    assert "give --calibration FILE" in line
 
 
 @contextlib.contextmanager

@@ -116,6 +116,18 @@ def test_results_that_ended_before_the_clock_was_set_back_hold_up_no_plot(serve)
     assert serve("swift").page.page.evaluate(PLOTTED, [times, []]) == [[40, 50], []]
 
 
+OLD = """async (aheadMs) => {
+  const { assess } = await import("./freshness.js");
+  const state = { state: "SERVO", t_ms: 1e6 + aheadMs };
+  return assess({ state }, 1e6, { isOpen: true, lostMs: 0 }).old.state;
+}"""
+
+
+@pytest.mark.parametrize(("ahead_ms", "is_old"), [(-100, False), (1000, False), (60_000, True)])
+def test_a_state_from_before_the_clock_was_set_back_is_not_live(serve, ahead_ms, is_old):
+    assert serve("swift").page.page.evaluate(OLD, ahead_ms) is is_old
+
+
 @pytest.fixture
 def operated(serve):
     """A server of one vehicle, with an operator who has signed in."""

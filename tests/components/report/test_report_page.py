@@ -1,10 +1,14 @@
 """The page about a flight in a real browser, on a desk and on a phone."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from browser_page import PATIENCE_MS, needs_chromium
 from recorded_flight import fly, write_recording
 
+from dfvs_service.page.charts import TimeLine
+from dfvs_service.page.page import Page, render
 from dfvs_service.report.cli import main
 
 pytestmark = needs_chromium
@@ -39,6 +43,24 @@ def page(request, chromium, report):
 
 def test_nothing_is_wider_than_the_screen(page):
     assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
+
+
+@pytest.mark.parametrize("count", [4, 6])
+@pytest.mark.parametrize("width", [390, 820, 1200, 1400])
+def test_every_row_of_figures_holds_as_many(chromium, tmp_path, count, width):
+    figures = (("angle to the goal, estimated", "12.345 → 10.012 m"),) * count
+    target = tmp_path / "page.html"
+    line = TimeLine(0.0, 1.0, ())
+    target.write_text(render(Page("flight", "it flew", "", (), figures, (), line)))
+    page = chromium.new_page(viewport={"width": width, "height": 900})
+    page.goto(target.as_uri())
+    cards = page.locator(".figures .card")
+    rows = Counter(cards.evaluate_all("all => all.map((card) => card.offsetTop)"))
+    assert len(rows) <= count / 2
+    assert len(set(rows.values())) == 1
+    assert all(cards.evaluate_all("all => all.map((c) => c.scrollWidth <= c.clientWidth)"))
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.close()
 
 
 def test_the_film_plays(page):

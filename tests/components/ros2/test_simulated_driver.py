@@ -5,18 +5,42 @@ import time
 
 import numpy as np
 import pytest
+import zenoh
 from loopback import listening_peer, peer
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.frames import RawSample
 from dfvs_service.ros2.frame_source import Ros2FrameSource
 from dfvs_service.settings.camera_section import Ros2CameraSection
+from dfvs_service.zenoh_session import publisher_of
 from dfvs_sim.camera.ros2 import Ros2Camera, Ros2CameraConfig
 
 CAMERA = CameraModel(64, 48, 50.0, 51.0, 32.5, 24.0, (0.1, -0.2, 0.01, 0.02, 0.0))
 CLOCK = b"c" * 16
 FORMATS = [PixelFormat.RGB8, PixelFormat.MONO8, PixelFormat.PNG, PixelFormat.JPEG]
+
+
+def test_two_bridges_on_one_topic_are_told_apart():
+    samples = queue.Queue()
+    with listening_peer() as (service, place):
+        subscriber = service.declare_subscriber("nose/camera/image_raw", samples.put)
+        for _ in range(2):
+            settings = zenoh.Config()
+            for key, value in zenoh_settings("peer", (place,), ()):
+                settings.insert_json5(key, value)
+            settings.insert_json5("timestamping/enabled", "true")  # as each bridge has it
+            with zenoh.open(settings) as bridge:
+                publisher = bridge.declare_publisher("nose/camera/image_raw")
+                while not publisher.matching_status.matching:
+                    time.sleep(0.01)
+                for _ in range(2):
+                    publisher.put(b"an image")
+        first, same, *others = [publisher_of(samples.get(timeout=30.0)) for _ in range(4)]
+        del subscriber
+    assert first == same != ""
+    assert first not in others
 
 
 @pytest.fixture

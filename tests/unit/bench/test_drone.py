@@ -11,7 +11,7 @@ from onnx_network import write_bundle
 from dfvs_bench.drone.bound import TimeBound
 from dfvs_bench.drone.flights import since, within_s
 from dfvs_bench.drone.levelled import levelled, levelled_task, turn_rad
-from dfvs_bench.drone.limits import depth_network, settings_in_force, velocity_limits
+from dfvs_bench.drone.limits import depth_network, velocity_limits
 from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
@@ -28,6 +28,7 @@ from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_sim.demo.flight.service_settings import settings_in_force
 from dfvs_sim.demo.flight.track import TrackPoint
 from dfvs_sim.demo.options import Conditions, FlightOptions
 from dfvs_sim.options import write_json

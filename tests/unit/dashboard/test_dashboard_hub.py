@@ -141,7 +141,7 @@ def test_a_sample_that_raises_any_error_costs_itself_alone(rig):
     states = [dump(GateStatus("SERVO", "tested", vehicle)) for vehicle in turned]
     rig.hub.on_samples([Sample("swift", "state", state) for state in states])
     assert rig.hub.refused == 1
-    rows = rig.hub.model("swift").history()["history"]["path"]
+    rows = rig.hub.model("swift").history(rig.now)["history"]["path"]
     assert [row[6] for row in rows] == [1.7e308, 0.5]
 
 

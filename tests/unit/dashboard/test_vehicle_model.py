@@ -57,7 +57,7 @@ def test_only_a_change_of_state_is_an_event():
     assert "transitions" not in model.on_document("state", status("READY"), NOW)
     (event,) = model.on_document("state", status("ABORT"), NOW)["transitions"]
     assert (event["to"], event["cause"]) == ("ABORT", "good data")
-    assert [e["to"] for e in model.history()["history"]["transitions"]] == ["READY", "ABORT"]
+    assert [e["to"] for e in model.history(NOW)["history"]["transitions"]] == ["READY", "ABORT"]
 
 
 def path_row(model, vehicle, **fields):
@@ -93,7 +93,7 @@ def test_a_velocity_beyond_all_floats_is_unknown_and_spoils_no_history():
     model = VehicleModel("a")
     fast = dataclasses.replace(VEHICLE, velocity_m_s=(1.7e308, 1.7e308, 0.0), yaw_rad=0.8)
     assert path_row(model, fast)["flown"][0] is None
-    json.dumps(model.history(), allow_nan=False)
+    json.dumps(model.history(NOW), allow_nan=False)
 
 
 def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
@@ -142,7 +142,7 @@ def test_what_is_no_finite_number_reaches_nobody(value):
     assert dict(zip(SERVO_COLUMNS, news["servo"][0], strict=True))["depth_m"] is None
     timing = {"stages": {"match": {"p50_ms": value, "p99_ms": 1.0}}, "frames": value}
     assert model.on_document("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
-    json.dumps(model.history(), allow_nan=False)
+    json.dumps(model.history(NOW), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_documents_that_follow_no_schema_are_refused(stream, document):
     model = VehicleModel("a")
     with pytest.raises(DfvsError):
         model.on_document(stream, document, NOW)
-    assert model.history()["history"] == {"servo": [], "path": [], "transitions": []}
+    assert model.history(NOW)["history"] == {"servo": [], "path": [], "transitions": []}
 
 
 def test_history_is_bounded():
@@ -175,14 +175,26 @@ def test_history_is_bounded():
     for i in range(4000):
         t_ns = NOW.t_ns + i * 100 * MS
         model.on_document("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
-    assert len(model.history()["history"]["servo"]) == 3000
+    assert len(model.history(NOW)["history"]["servo"]) == 3000
+
+
+def test_what_was_kept_has_its_times_by_a_clock_that_was_set():
+    model = VehicleModel("a")
+    model.on_document("state", status(), NOW)
+    model.on_document("servo", servo(), NOW)
+    later = Moment(NOW.t_ns + 500 * MS, NOW.wall_ms - 60_000)  # set back by a minute
+    known = model.history(later)
+    ages = [later.wall_ms - known["history"][table][0][0] for table in ("path", "servo")]
+    ages += [later.wall_ms - known["state"]["t_ms"], later.wall_ms - model.listing(later)["t_ms"]]
+    ages.append(later.wall_ms - known["history"]["transitions"][0]["t_ms"])
+    assert ages == pytest.approx([510, 560, 510, 510, 2510])
 
 
 def test_the_history_of_results_is_thinned_to_ten_a_second():
     model = VehicleModel("a")
     for i in range(100):
         model.on_document("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
-    assert len(model.history()["history"]["servo"]) == 34
+    assert len(model.history(NOW)["history"]["servo"]) == 34
 
 
 def kept_goal(sent_ns, clock=NO_CLOCK):

@@ -16,7 +16,7 @@ from dfvs_sim.demo.flight.engagement import Engagement, engagement_of
         ("--set gate.engage='command'", Engagement.COMMAND),
         ("--set=gate.engage=auto --engage pilot", Engagement.PILOT),
         ("--engage pilot --set gate.engage=auto", Engagement.PILOT),
-        ("--set flow.threads=1 --on-done hold", Engagement.PILOT),
+        ("--set flow.threads=1 --on-done hold --runtime-dir run --json-log", Engagement.PILOT),
     ],
 )
 def test_the_option_counts_before_the_setting(words, expected):
@@ -32,12 +32,15 @@ def test_a_settings_file_counts_where_nothing_else_is_said(tmp_path):
     assert engagement_of([f"--config={file}"]) is Engagement.PILOT
 
 
-def test_what_the_service_itself_will_refuse_is_left_to_it(tmp_path):
-    assert engagement_of(["--config", str(tmp_path / "nowhere.toml")]) is Engagement.PILOT
-    assert engagement_of(["--engage", "somehow"]) is Engagement.PILOT
-    assert engagement_of(["--engage"]) is Engagement.PILOT
-
-
-def test_a_service_that_never_engages_is_refused():
-    with pytest.raises(ConfigError, match="never"):
-        engagement_of(["--engage", "never"])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--engage never", "engage never"),
+        ("--engage somehow", "invalid choice: 'somehow'"),
+        ("--config nowhere.toml", "nowhere.toml"),
+        ("--help", "'--help' are no words of a flight"),
+    ],
+)
+def test_a_service_that_would_not_fly_with_its_words_is_refused(words, message):
+    with pytest.raises(ConfigError, match=message):
+        engagement_of(words.split())

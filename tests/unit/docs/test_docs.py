@@ -104,6 +104,14 @@ def test_the_readme_has_at_most_100_lines():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
 
 
+def test_a_cell_of_the_readme_s_tables_is_read_at_a_glance():
+    """At most 80 words: a list of all runs belongs into the experiments."""
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    cells = [cell for line in lines if line.startswith("|") for cell in line.split("|")]
+    assert len(cells) > 20
+    assert [cell for cell in cells if len(cell.split()) > 80] == []
+
+
 @pytest.mark.parametrize("page", FRONT, ids=named)
 def test_links_outside_of_the_site_lead_to_files(page):
     text = page.read_text(encoding="utf-8")

@@ -34,6 +34,12 @@ def test_an_impossible_option_is_named(command, option, value, refused, tmp_path
     assert f"{option} " in refused(main, *command.split(), option, value)
 
 
+def test_words_that_the_service_refuses_start_no_soak(refused, tmp_path):
+    words = ("--out", tmp_path / "out", "--service", "--enagge auto")
+    assert "unrecognized arguments: --enagge" in refused(main, "soak", *words)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("target", ["gate", "commands"])
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x"}', "\xff", None])
 def test_a_file_that_is_no_replay_is_named(target, text, refused, tmp_path):

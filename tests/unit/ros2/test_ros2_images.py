@@ -29,8 +29,9 @@ class Rig:
         section = Ros2CameraSection(topic=topic, compressed=compressed)
         self.intake = Ros2FrameSource(link, section, CLOCK, lambda: self.now)
 
-    def frame(self, payload, attachment=b""):
-        sample = self.intake.translate(RawSample(payload, attachment, NOW.monotonic_ns))
+    def frame(self, payload, attachment=b"", publisher=""):
+        raw = RawSample(payload, attachment, NOW.monotonic_ns, publisher)
+        sample = self.intake.translate(raw)
         header = decode_header(sample.attachment)
         assert header.clock == CLOCK
         if (header.width, header.height) != (WIDTH, HEIGHT):
@@ -148,11 +149,27 @@ def test_images_of_two_cameras_in_turn_are_refused_and_another_one_costs_one_fra
     rig.frame(right)
 
 
+@pytest.mark.parametrize("link", ["rmw", "bridge"])
+def test_two_cameras_of_one_frame_id_are_told_by_their_publishers(picture, link):
+    rig, payload = Rig(link=link), image_message(picture, "rgb8", frame_id="camera")
+
+    def frame(camera):
+        if link == "bridge":
+            return rig.frame(payload, publisher=f"bridge-{camera}")
+        return rig.frame(payload, Ros2Attachment(5, STAMP_NS, bytes([camera]) * 16).encode())
+
+    frame(1)
+    for camera in (2, 1, 2):
+        with pytest.raises(WireError, match=r"publisher is .*; expected one camera on the topic"):
+            frame(camera)
+    frame(2)
+
+
 def test_the_sequence_is_the_publisher_s_where_it_sends_one(picture):
     rig = Rig()
     payload = image_message(picture, "rgb8")
+    assert rig.frame(payload, b"some other version's").seq == 1
     assert rig.frame(payload, Ros2Attachment(41, STAMP_NS, bytes(16)).encode()).seq == 41
-    assert rig.frame(payload, b"some other version's").seq == 2
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from dfvs_core.errors import ConfigError
 from dfvs_service.certificates.authority import Validity, make_authority, write_credentials
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.endpoints import is_private, is_private_mavlink
+from dfvs_service.settings.endpoints import is_private
 from dfvs_service.settings.exposure import exposure_checks
 from dfvs_service.zenoh_session import require_usable_files
 
@@ -39,21 +39,6 @@ from dfvs_service.zenoh_session import require_usable_files
 )
 def test_what_stays_on_this_machine_or_is_encrypted_is_private(endpoint, private):
     assert is_private(endpoint) is private
-
-
-@pytest.mark.parametrize(
-    ("url", "private"),
-    [
-        ("udpin://127.0.0.1:14540", True),
-        ("serial:///dev/ttyACM0:921600", True),
-        ("serial_flowcontrol:///dev/ttyS1:57600", True),
-        ("udpin://0.0.0.0:14540", False),
-        ("udpout://192.168.1.9:14550", False),
-        ("tcpout://10.0.0.1:5760", False),
-    ],
-)
-def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
-    assert is_private_mavlink(url) is private
 
 
 def assert_advises(check):

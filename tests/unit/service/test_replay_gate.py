@@ -45,6 +45,20 @@ def test_a_recorded_flight_is_decided_the_same_way_again(journal, capsys):
     assert "the gate says the same" in last
 
 
+@pytest.mark.parametrize("earlier_s", [None, 2])
+def test_times_of_a_replay_are_since_the_start_of_the_flight(journal, capsys, earlier_s):
+    start_ns = json.loads(journal.read_text().partition("\n")[0])["t_ns"]
+    if earlier_s is not None:
+        header = {"started_ns": start_ns - earlier_s * S}
+        (journal.parent / "flight.json").write_text(json.dumps(header) + "\n")
+    assert main(["replay-gate", "--json", str(journal)]) == 0
+    transitions = json.loads(capsys.readouterr().out)["transitions"]
+    assert main(["replay-gate", str(journal)]) == 0
+    *lines, _ = capsys.readouterr().out.splitlines()
+    expected = [(t["t_ns"] - start_ns) / S + (earlier_s or 0) for t in transitions]
+    assert [float(line.split()[0]) for line in lines] == pytest.approx(expected, abs=5e-4)
+
+
 def test_a_journal_that_was_changed_is_told_from_the_real_one(journal, capsys):
     text = journal.read_text()
     journal.write_text(text.replace(",true,false]", ",false,true]"))  # it stands on the ground

@@ -13,26 +13,11 @@ from dfvs_service.gate.process import SilentLink
 from dfvs_service.gate.serial_device import (
     SerialDevice,
     SerialDeviceError,
-    serial_path,
     wait_for_device,
 )
+from dfvs_service.settings.mavlink_url import MavlinkUrl
 
-BY_PATH = "/dev/serial/by-path/pci-0:14.0-usb-0:1:1.0"
 LOSS = SerialDeviceError("the serial device /dev/ttyACM0 was lost")
-
-
-@pytest.mark.parametrize(
-    ("url", "path"),
-    [
-        ("serial:///dev/ttyACM0:921600", "/dev/ttyACM0"),
-        ("serial_flowcontrol:///dev/ttyS1:57600", "/dev/ttyS1"),
-        ("serial:///dev/ttyACM0", "/dev/ttyACM0"),
-        (f"serial://{BY_PATH}:57600", BY_PATH),
-        ("udpin://127.0.0.1:14540", None),
-    ],
-)
-def test_the_device_of_a_connection_is_all_before_the_baud_rate(url, path):
-    assert serial_path(url) == (None if path is None else Path(path))
 
 
 def test_a_device_is_lost_once_it_hangs_up_and_stays_so_when_its_name_is_back(tmp_path):
@@ -56,7 +41,7 @@ def test_a_device_is_lost_once_it_hangs_up_and_stays_so_when_its_name_is_back(tm
 def test_a_device_that_another_program_has_is_refused_at_once():
     master, slave = pty.openpty()
     url = f"serial://{os.ttyname(slave)}:57600"
-    SerialDevice(serial_path(url))
+    SerialDevice(MavlinkUrl.parse(url).device)
     with pytest.raises(SerialDeviceError, match="used by another program"):
         Autopilot(lambda _event: None, lambda *_: None).connect(url, 60.0)
     for descriptor in (master, slave):
@@ -104,7 +89,7 @@ def test_a_device_that_may_not_be_opened_is_told_with_what_allows_it(code, words
     monkeypatch.setattr(os, "open", refused)  # root may use everything
     clock = Clock()
     with pytest.raises(SerialDeviceError, match=f"/dev/null {words}"):
-        wait_for_device(serial_path("serial:///dev/null:57600"), 1.0, clock, clock.sleep)
+        wait_for_device(Path("/dev/null"), 1.0, clock, clock.sleep)
 
 
 def test_the_autopilots_connection_tells_a_missing_device(tmp_path):

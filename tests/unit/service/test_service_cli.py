@@ -127,7 +127,7 @@ def test_an_unknown_option_is_refused_by_name(goal, capsys):
 
 
 def test_printed_settings_are_toml_with_what_was_set(capsys):
-    assert cli.main(["config", "--set", "gate.engage=auto", "--vehicle", "swift"]) == 0
+    assert cli.main(["config", "--engage", "auto", "--vehicle", "swift"]) == 0
     settings = tomllib.loads(capsys.readouterr().out)
     assert settings["gate"]["engage"] == "auto"
     assert settings["vehicle"]["name"] == "swift"

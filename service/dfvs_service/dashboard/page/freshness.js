@@ -9,6 +9,9 @@ export const LIMITS_MS = Object.freeze({
   timing: 3000, links: 2000,
 });
 
+/** What is later than this by the server's clock was stamped before that was set back: its age is not known. */
+export const SET_BACK_MS = 2000;
+
 /** States of the gate in which nothing is flown, whatever the image shows. */
 const GROUNDED = new Set(["IDLE", "ABORT", "RELEASED"]);
 
@@ -22,11 +25,11 @@ const ICONS = {
  *   times viewMs and flowMs
  * @param nowMs server's clock
  * @param server {isOpen, lostMs}: whether it is connected, and for how long it has not been
- * @returns {{ages, old, gate, verdict, server, alarm}} ages in ms (NaN: never heard)
+ * @returns {{ages, old, gate, verdict, server, alarm}} ages in ms (NaN: not known)
  */
 export function assess(known, nowMs, server) {
   const { state } = known;
-  const since = (tMs) => (Number.isFinite(tMs) ? Math.max(nowMs - tMs, 0) : NaN);
+  const since = (tMs) => (Number.isFinite(tMs) && tMs < nowMs + SET_BACK_MS ? Math.max(nowMs - tMs, 0) : NaN);
   const stateMs = since(state?.t_ms);
   const within = (ageS) => (ageS === null ? NaN : stateMs + (ageS ?? 0) * 1000);
   const ages = {

@@ -1,5 +1,6 @@
 // All plots on one time axis, drawn a few times a second and only while the page is looked at.
 
+import { SET_BACK_MS } from "./freshness.js";
 import { Plot } from "./plot.js";
 import { PLOTS } from "./plot_series.js";
 import { byId, say, timeOfDay } from "./words.js";
@@ -7,8 +8,6 @@ import { byId, say, timeOfDay } from "./words.js";
 const PERIOD_MS = 250;
 const LEAST_SPAN_S = 5;
 const MOST_MARKERS = 50;
-/** Step back in time that no link explains: the clock was set, and what is older lies in its future. */
-const SET_BACK_MS = 2000;
 /** Share of the time shown that is left empty at most, once nothing comes any more. */
 const EMPTY_SHARE = 0.2;
 

@@ -19,6 +19,11 @@ class Moment:
     t_ns: int
     wall_ms: float
 
+    @property
+    def offset_ms(self) -> float:
+        """Wall clock less monotonic clock, ms: another one once the wall clock was set."""
+        return self.wall_ms - self.t_ns * 1e-6
+
 
 class SenderClock:
     """Ages of one sender's stamps.

@@ -48,6 +48,7 @@ _KEPT_PERIOD_MS = 90.0
 _PAUSE_S = 1.0
 _KEPT_TRANSITIONS = 50
 _STATUS_FIELDS = frozenset(field.name for field in dataclasses.fields(GateStatus))
+_TIMES = frozenset({"t_ms", "since_ms"})
 _SECRETS = frozenset({"challenge"})
 _COUNTERS = ("frames", "refused", "overtaken")
 _MOST_STAGES = 32
@@ -57,7 +58,8 @@ _MAX_TIME_NS = 1 << 62
 class VehicleModel:
     """One vehicle as the dashboard sees it.
 
-    ``local_clock`` is the identity of this machine's monotonic clock.
+    What is kept is kept by the monotonic clock, so that its times are right after the wall clock
+    was set. ``local_clock`` is the identity of this machine's monotonic clock.
     """
 
     def __init__(self, name: str, local_clock: bytes = NO_CLOCK) -> None:
@@ -105,16 +107,16 @@ class VehicleModel:
         update: Update = {"state": shown}
         if self.status is None or status.state != self.status.state:
             transition = {"t_ms": shown["since_ms"], "to": status.state, "cause": status.cause}
-            self._transitions.append(transition)
+            self._transitions.append(_moved(transition, -now.offset_ms))
             update["transitions"] = [transition]
         self.status = status
-        self._newest["state"] = shown
+        self._newest["state"] = _moved(shown, -now.offset_ms)
         vehicle = status.vehicle
         if vehicle is not None and vehicle != self._vehicle:
             vehicle_ms = t_ms - max(status.t_ns - vehicle.t_ns, 0) * 1e-6
             row = [vehicle_ms, *_path_row(vehicle, self._vehicle, status.setpoint)]
             self._vehicle = vehicle
-            self._path.append(row)
+            self._path.append(_moved_row(row, -now.offset_ms))
             update["path"] = [row]
         return update
 
@@ -125,8 +127,9 @@ class VehicleModel:
         row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
         row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
         row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
-        if not self._servo or abs(row[0] - self._servo[-1][0]) >= _KEPT_PERIOD_MS:
-            self._servo.append(row)
+        kept = _moved_row(row, -now.offset_ms)
+        if not self._servo or abs(kept[0] - self._servo[-1][0]) >= _KEPT_PERIOD_MS:
+            self._servo.append(kept)
         verdict = {name: str(document.get(name, ""))[:200] for name in ("status", "reason")}
         self._newest["verdict"] = verdict
         return {"servo": [row], "verdict": verdict}
@@ -139,8 +142,9 @@ class VehicleModel:
             if isinstance(stage, Mapping)
         }
         counters = {name: _number(document.get(name)) for name in _COUNTERS}
-        self._newest["timing"] = {"t_ms": now.wall_ms, "stages": stages, **counters}
-        return {"timing": self._newest["timing"]}
+        timing = {"t_ms": now.wall_ms, "stages": stages, **counters}
+        self._newest["timing"] = _moved(timing, -now.offset_ms)
+        return {"timing": timing}
 
     def _on_config(self, document: Mapping[str, Any]) -> Update:
         """Take the resolved settings; the page shows but a few of them."""
@@ -175,21 +179,32 @@ class VehicleModel:
         link = {"t_ms": now.wall_ms, "streams": streams, "is_foreign_clock": self._clock.is_foreign}
         return {"link": link}
 
-    def history(self) -> Update:
+    def history(self, now: Moment) -> Update:
         """Everything that a page needs which has just begun to watch."""
+        by_ms = now.offset_ms
         return {
-            **self._newest,
+            **{key: _moved(value, by_ms) for key, value in self._newest.items()},
             "history": {
-                "servo": list(self._servo),
-                "path": list(self._path),
-                "transitions": list(self._transitions),
+                "servo": [_moved_row(row, by_ms) for row in self._servo],
+                "path": [_moved_row(row, by_ms) for row in self._path],
+                "transitions": [_moved(transition, by_ms) for transition in self._transitions],
             },
         }
 
-    def listing(self) -> Update:
+    def listing(self, now: Moment) -> Update:
         """One line for the choice of vehicles: name, newest state, and when it was sent."""
-        state = self._newest.get("state", {})
+        state = _moved(self._newest.get("state", {}), now.offset_ms)
         return {"name": self.name, "state": state.get("state", ""), "t_ms": state.get("t_ms")}
+
+
+def _moved(document: Update, by_ms: float) -> Update:
+    """Document with its times moved."""
+    return {key: value + by_ms if key in _TIMES else value for key, value in document.items()}
+
+
+def _moved_row(row: list[Any], by_ms: float) -> list[Any]:
+    """Row of a table with its time moved."""
+    return [row[0] + by_ms, *row[1:]]
 
 
 def _path_row(

@@ -67,7 +67,7 @@ class Flight:
     Raises
     ------
     ConfigError
-        If the service would never engage with these words.
+        If the service refuses its words, or would never engage with them.
     """
 
     def __init__(self, plan: FlightPlan, options: FlightOptions, folder: Path, log: Log) -> None:

@@ -1,15 +1,15 @@
 """The report of a flight: a page and a film, made by ``dfvs-report`` of the flight's recording."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from dfvs_common.child import Child
 from dfvs_core.errors import DfvsError
-from dfvs_sim.demo.flight.engagement import option_values
 from dfvs_sim.demo.flight.track import Track
 
 PAGE, FILM = "report.html", "flight.webm"
-_OPTION = "--record"
 _TIMEOUT_S = 600.0
 
 
@@ -20,16 +20,16 @@ class ReportError(DfvsError):
 class FlightReport:
     """Has a flight recorded, and makes its report in the folder: what an earlier flight left goes.
 
-    The words for ``dfvs-service`` may say where the recording goes.
+    ``settings`` are those of ``dfvs-service``, which may say where the recording goes.
     """
 
-    def __init__(self, folder: Path, service: tuple[str, ...]) -> None:
+    def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
         self._folder = folder
-        given = list(option_values(service, _OPTION))
-        self._records = Path(given[-1]) if given else folder / "record"
-        self.words: tuple[str, ...] = () if given else (_OPTION, str(self._records))
+        records = settings["record"]["folder"]
+        self._records = Path(records) if records else folder / "record"
+        self.words: tuple[str, ...] = () if records else ("--record", str(self._records))
         """Words that ``dfvs-service`` needs besides."""
-        if not given:
+        if not records:
             for old in self._records.glob("*.mcap"):
                 old.unlink()
         for name in (PAGE, FILM):
