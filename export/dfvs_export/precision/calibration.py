@@ -46,7 +46,13 @@ def read_frames(path: Path, size: tuple[int, int], count: int) -> list[ImagePair
 
 
 def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, list[Feeds]]:
-    """Inputs of every graph of the runner's bundle, by the graph's role."""
+    """Inputs of every graph of the runner's bundle, by the graph's role.
+
+    Raises
+    ------
+    ConfigError
+        If no pair has keypoints in both images, where they are matched.
+    """
     manifest = runner.bundle.manifest
     feeds: dict[str, list[Feeds]] = {role: [] for role in manifest.graphs}
     for pair in pairs:
@@ -54,10 +60,13 @@ def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, l
         if manifest.kind == "encode-match":
             name = manifest.graphs["encode"].inputs[0]
             feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
-        feeds[runner.last_role].append(runner.feeds(*sides))
+        if all(side[0].size for side in sides):
+            feeds[runner.last_role].append(runner.feeds(*sides))
         if manifest.kind == "mono":
             more = [runner.encode(image, focal) for image in pair for focal in _FOCALS]
             feeds["mono"] += [runner.feeds(side, side) for side in more]
+    if not feeds[runner.last_role]:
+        raise ConfigError("no two frames to calibrate on have keypoints", "frames with texture")
     return feeds
 
 

@@ -61,11 +61,18 @@ def feeds_of(folder: Path, count: int):
 
 
 def test_both_graphs_are_calibrated_on_what_goes_into_them(tmp_path: Path) -> None:
-    feeds = feeds_of(grid_network.write_bundle(tmp_path), 2)
-    assert [feed["image"].mean() for feed in feeds["encode"]] == [0.0, 100.0, 1.0, 101.0]
+    """A black image has no keypoints to be matched."""
+    feeds = feeds_of(grid_network.write_bundle(tmp_path), 3)
+    levels = [0.0, 100.0, 1.0, 101.0, 2.0, 102.0]
+    assert [feed["image"].mean() for feed in feeds["encode"]] == levels
     shown = [(f["first_scores"].mean(), f["second_scores"].mean()) for f in feeds["match"]]
-    np.testing.assert_allclose(shown, np.array([(0.0, 100.0), (1.0, 101.0)]) / 255.0, rtol=1e-5)
+    np.testing.assert_allclose(shown, np.array([(1.0, 101.0), (2.0, 102.0)]) / 255.0, rtol=1e-5)
     assert feeds["match"][0]["second_points"].shape == (1, grid_network.COUNT, 2)
+
+
+def test_frames_without_keypoints_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no two frames to calibrate on have keypoints"):
+        feeds_of(grid_network.write_bundle(tmp_path), 1)
 
 
 def test_a_network_of_two_images_is_calibrated_on_both(tmp_path: Path) -> None:
