@@ -10,8 +10,10 @@ PYTHON ?= python3
 CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
+# Python keeps what it compiled, wherever it is run: tests start hundreds of processes.
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test seeds docs lint types imports pytest setup coverage mutation published lock audit clean
+.PHONY: demo test seeds docs lint types imports kernels pytest setup coverage mutation published lock audit clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -20,7 +22,7 @@ seeds: .venv/.stamp-sim
 	$(BIN)/dfvs-demo --runs 10 $(ARGS)
 
 test: .venv/.stamp-test
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports docs coverage
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types kernels imports docs coverage
 	@$(MAKE) --no-print-directory pytest
 
 setup: .venv/.stamp-dev
@@ -34,6 +36,11 @@ types: .venv/.stamp-test
 
 imports: .venv/.stamp-test
 	$(BIN)/lint-imports
+
+# The renderer's kernels are compiled into their cache before several processes would do so at once.
+kernels: .venv/.stamp-test
+	@mkdir -p build
+	$(BIN)/dfvs-sim goal --pose 0,0,-1.3,0 --antialias --out build/kernels.png
 
 # Settings, command lines and faults are generated from the code. Nothing is downloaded.
 docs: .venv/.stamp-test
@@ -82,14 +89,16 @@ published: .venv-published/.stamp
 	@$(PYTHON) -c 'import sys; v = sys.version_info; \
 	sys.exit(0 if v >= (3, 11) else "error: Python %d.%d is too old; expected 3.11 or newer; run make PYTHON=python3.12" % v[:2])'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --upgrade -c $(CONSTRAINTS) pip hatchling editables
 
 # The aircraft's distribution and the laboratory's, for the demo; with an extra of the first, for all else.
+# All cores compile what pip would on one; libraries have files that only other versions of Python can read.
 .venv/.stamp-sim: OURS = -e . -e ./lab
 .venv/.stamp-%: OURS = -e '.[$*]' -e './lab[dask,export]'
 .venv/.stamp-%: .venv/bin/python pyproject.toml lab/pyproject.toml $(CONSTRAINTS)
 	@echo "Setting up .venv ($*); the first time takes a minute or two"
-	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) $(OURS)
+	$(BIN)/python -m pip install --quiet --no-compile --no-build-isolation -c $(CONSTRAINTS) $(OURS)
+	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	@touch $@
 
 # Exact versions and hashes for an aircraft: base dependencies and build backend, and these with the extras that deploy/ runs.
