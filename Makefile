@@ -89,7 +89,7 @@ published: .venv-published/.stamp
 	@$(PYTHON) -c 'import sys; v = sys.version_info; \
 	sys.exit(0 if v >= (3, 11) else "error: Python %d.%d is too old; expected 3.11 or newer; run make PYTHON=python3.12" % v[:2])'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade -c $(CONSTRAINTS) pip hatchling editables
+	$(BIN)/python -m pip install --quiet --upgrade pip
 
 # The aircraft's distribution and the laboratory's, for the demo; with an extra of the first, for all else.
 # All cores compile what pip would on one; libraries have files that only other versions of Python can read.
@@ -97,6 +97,7 @@ published: .venv-published/.stamp
 .venv/.stamp-%: OURS = -e '.[$*]' -e './lab[dask,export]'
 .venv/.stamp-%: .venv/bin/python pyproject.toml lab/pyproject.toml $(CONSTRAINTS)
 	@echo "Setting up .venv ($*); the first time takes a minute or two"
+	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) hatchling editables
 	$(BIN)/python -m pip install --quiet --no-compile --no-build-isolation -c $(CONSTRAINTS) $(OURS)
 	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	@touch $@

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from depth_bundle import bundle
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Networks, Observation
@@ -23,8 +24,6 @@ from dfvs_core.servo.exchange import Status
 from dfvs_models.depth import DepthNetwork, fit_image
 from dfvs_models.onnx_session import Execution
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
 
 SMALL = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
@@ -34,7 +33,7 @@ T_WORLD_GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))
 
 @pytest.fixture(scope="module")
 def room():
-    return Renderer(load_glb(builtin_room_path()))
+    return built_in_room()
 
 
 def task(distance_m, angle_deg, camera=SMALL):

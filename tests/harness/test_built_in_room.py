@@ -7,14 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from view_warping import warp_to_a
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, pose_error
-from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.poses import camera_pose, look_at
 from dfvs_sim.viewpoints.sampling import TaskLimits, sample_task
@@ -25,7 +24,7 @@ SEEDS = range(6)
 
 @pytest.fixture(scope="module")
 def room():
-    return Renderer(load_glb(builtin_room_path()))
+    return built_in_room()
 
 
 @pytest.fixture(scope="module")

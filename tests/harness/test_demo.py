@@ -7,13 +7,11 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from real_time import demo_command, flown_in_time, ran
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.demo.plan import make_plan
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.record import read_record
 
 pytestmark = [pytest.mark.serial, pytest.mark.slow, pytest.mark.timeout(900)]
@@ -69,7 +67,7 @@ def test_the_vehicle_took_off_from_the_scene_s_floor(flight):
     first = next(e for e in poses if e["mode"] == "OFFBOARD")
     climb_m = poses[0]["position"][2] - first["position"][2]
     room, camera = (
-        Renderer(load_glb(builtin_room_path())),
+        built_in_room(),
         CameraModel(320, 240, 209, 209, 160, 120),
     )
     start_m = -make_plan(room, camera, 0, None, ()).T_scene_start[2, 3]

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from depth_bundle import bundle
 from onnx_network import write_bundle
 
@@ -15,9 +16,7 @@ from dfvs_core.gate.limits import ZERO
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Mount
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
-from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.viewpoints.sampling import sample_task
 
@@ -87,7 +86,7 @@ def test_a_camera_that_is_mounted_another_way_ends_the_flight_at_once(seed, moun
 
 def goal_depth_bundle(seed, folder):
     """Folder of a network that gives the depth of this seed's goal, 10 % too near and uneven."""
-    renderer = Renderer(load_glb(builtin_room_path()))
+    renderer = built_in_room()
     camera = CameraModel.from_horizontal_fov(320, 240, math.radians(75.0))
     task = sample_task(renderer, camera, np.random.default_rng(seed))
     depth = renderer.depth(camera.scaled(160, 120), task.T_world_goal)

@@ -5,11 +5,11 @@ import numpy as np
 from dfvs_bench.lockstep.exact import ExactMatcher
 from dfvs_bench.lockstep.flight import CAMERA, EXACT, LockstepFlight, SimulatedJob
 from dfvs_bench.lockstep.record import SimulatedFlight, simulated_flight
+from dfvs_bench.trials.run import renderer_of
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_models.catalog import load_depth, load_matcher
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.sampling import Task, sample_task
 
 _NOISE_PX = 0.3
@@ -24,7 +24,7 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
     DfvsError
         If the scene or a model cannot be used.
     """
-    renderer = Renderer(load_glb(job.scene))
+    renderer = renderer_of(job.scene)
     task = sample_task(renderer, CAMERA, np.random.default_rng(job.seed))
     return simulated_flight(job.seed, task.T_world_goal, _flight(job, task, renderer).run())
 

@@ -69,7 +69,7 @@ class ScriptedServer:
             "needs_token": False,
             "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},
             "mounting_score": 5.0,
-            "max_goal_bytes": 8_000_000,
+            "max_goal_bytes": 800_000,
         }
         self.say(welcome=welcome, vehicles=self.listing())
 

@@ -10,6 +10,14 @@ HELD = {"command": "hold", "vehicle": "swift", "accepted": True, "text": "accept
 WATCHED = "name => dfvsScreen().watched === name"
 
 
+@pytest.fixture(scope="module")
+def page(chromium):
+    """A page whose modules are imported and tried by themselves."""
+    context = chromium.new_context()
+    yield ScriptedServer(context, "swift").page.page
+    context.close()
+
+
 @pytest.fixture
 def serve(chromium):
     contexts = []
@@ -77,8 +85,8 @@ AFTER_A_STEP = """async (stepMs) => {
 
 
 @pytest.mark.parametrize("step_ms", [3_600_000, -20_000, 0])
-def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(serve, step_ms):
-    shift_ms = serve("swift").page.page.evaluate(AFTER_A_STEP, step_ms)
+def test_a_clock_that_was_set_is_followed_from_the_next_ping_on(page, step_ms):
+    shift_ms = page.evaluate(AFTER_A_STEP, step_ms)
     assert shift_ms == pytest.approx(step_ms, abs=25.0)  # half of the slowest ping, and 5 ms
 
 
@@ -103,17 +111,16 @@ PLOTTED = """async ([times, marks]) => {
     ],
 )
 def test_rows_and_states_from_before_the_clock_was_set_back_are_shown_no_longer(
-    serve, times_s, marks_s, shown_s, marked_s
+    page, times_s, marks_s, shown_s, marked_s
 ):
     """Those that another one has overtaken are."""
     times = [("vehicle", t_s) for t_s in times_s]
-    page = serve("swift").page.page
     assert page.evaluate(PLOTTED, [times, marks_s]) == [shown_s, marked_s]
 
 
-def test_results_that_ended_before_the_clock_was_set_back_hold_up_no_plot(serve):
+def test_results_that_ended_before_the_clock_was_set_back_hold_up_no_plot(page):
     times = [("results", 100), ("vehicle", 100), ("vehicle", 40), ("vehicle", 50)]
-    assert serve("swift").page.page.evaluate(PLOTTED, [times, []]) == [[40, 50], []]
+    assert page.evaluate(PLOTTED, [times, []]) == [[40, 50], []]
 
 
 OLD = """async (aheadMs) => {
@@ -208,11 +215,11 @@ def test_a_goal_without_a_connection_is_called_not_sent(operated):
 
 
 def test_a_goal_that_is_too_large_is_not_sent_and_the_limit_is_named(operated):
-    image = {"name": "b.png", "mimeType": "image/png", "buffer": bytes(12_000_000)}
+    image = {"name": "b.png", "mimeType": "image/png", "buffer": bytes(1_200_000)}
     operated.say(state=operated.state() | {"state": "READY"})
     operated.page.page.wait_for_selector("#goal:enabled")
     operated.page.page.set_input_files("#goal-files", [image])
-    expected = "not sent: b.png has 12.0 MB, a goal at most 8.0 MB; send it as JPEG"
+    expected = "not sent: b.png has 1.2 MB, a goal at most 0.8 MB; send it as JPEG"
     operated.page.wait_text("answer", expected)
     assert not operated.page.page.is_visible("#confirm-dialog")
 

@@ -4,20 +4,18 @@ import json
 
 import pytest
 import torch
+from built_in_room import built_in_room
 
 from dfvs_export.cli import main
 from dfvs_rooms.pairs.evaluation import write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
     """A handful of the built-in room."""
     out = tmp_path_factory.mktemp("pairs")
-    sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
+    sampler = WidePairSampler(built_in_room(), 3)
     write_arrays(out / "room.npz", sampler.arrays(4))
     return out
 

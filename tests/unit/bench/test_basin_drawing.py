@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 
 from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
@@ -13,10 +14,8 @@ from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import pose_error, so3_log
-from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.free_space import FreeSpace
 
 CAMERA = CameraModel.from_horizontal_fov(80, 60, np.radians(90))
@@ -63,7 +62,7 @@ def test_as_many_tasks_are_drawn_freely_as_with_overlap(drawn):
 
 
 def test_the_overlap_is_that_of_the_two_views(drawn):
-    renderer = Renderer(load_glb(builtin_room_path()))
+    renderer = built_in_room()
     for task in drawn:
         T_start, T_goal = poses(task)
         depths = (renderer.depth(CAMERA, T_goal), renderer.depth(CAMERA, T_start))
@@ -73,7 +72,7 @@ def test_the_overlap_is_that_of_the_two_views(drawn):
 
 
 def test_start_and_goal_and_the_way_between_are_free(drawn):
-    space = FreeSpace(Renderer(load_glb(builtin_room_path())))
+    space = FreeSpace(built_in_room())
     for task in drawn:
         start, goal = (T[:3, 3] for T in poses(task))
         assert min(space.clearance_m(start), space.clearance_m(goal)) >= 0.35

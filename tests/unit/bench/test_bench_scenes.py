@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 
 from dfvs_bench.report.paper import paper_scenes
 from dfvs_bench.trials import scenes
@@ -25,7 +26,7 @@ SMALL = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
 
 @pytest.fixture(scope="module")
 def room():
-    return Renderer(load_glb(builtin_room_path()))
+    return built_in_room()
 
 
 def test_a_drawn_task_is_what_was_asked_for(room):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -20,9 +21,6 @@ from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import VehiclePose
 from dfvs_sim.ground.systems import LinkError
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.viewpoints.poses import CameraPoses, camera_pose
 
@@ -57,7 +55,7 @@ class Vehicle:
 @pytest.fixture
 def flight(tmp_path: Path) -> Iterator[Flight]:
     camera = CameraModel.from_horizontal_fov(96, 72, 1.3)
-    renderer = Renderer(load_glb(builtin_room_path()))
+    renderer = built_in_room()
     plan = FlightPlan(renderer, camera, Mount(), START, GOAL, 0)
     flight = Flight(plan, FlightOptions(), tmp_path, lambda _: None)
     yield flight

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from tiny_scenes import scene_of, wall
 
 from dfvs_sim.demo.plan import take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 FLOOR_M, TABLE_M = 0.3, -0.5
 
@@ -59,5 +58,5 @@ def test_a_height_that_nobody_takes_off_to_is_bounded_and_told(down_m, height_m)
 
 
 def test_the_built_in_room_stands_on_its_floor():
-    room = Renderer(load_glb(builtin_room_path()))
+    room = built_in_room()
     assert take_off_from_floor(room, [point(-1.3)]).height_m == pytest.approx(1.3, abs=0.02)

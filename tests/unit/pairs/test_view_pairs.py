@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from tiny_scenes import scene_of, wall
 from view_warping import warp_to_a
 
@@ -11,9 +12,7 @@ from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
 from dfvs_rooms.pairs.evaluation import PairSampler, ViewPair, evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility
-from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_pose_from_gltf
-from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
 
@@ -24,7 +23,7 @@ LIMITS = {"small": (0.15, 6.0), "medium": (0.5, 15.0), "large": (1.2, 30.0)}
 
 @pytest.fixture(scope="module")
 def renderer():
-    return Renderer(load_glb(builtin_room_path()))
+    return built_in_room()
 
 
 @pytest.fixture(scope="module")

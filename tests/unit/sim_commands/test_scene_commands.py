@@ -3,6 +3,7 @@ import sys
 
 import numpy as np
 import pytest
+from built_in_room import built_in_room
 from subcommand import run_subcommand
 
 from dfvs_bench.commands import renderer
@@ -11,8 +12,6 @@ from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import decode_image
 from dfvs_rooms.commands import room
 from dfvs_sim.commands import goal
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
@@ -33,7 +32,7 @@ class TestGoal:
         assert (sidecar.roll_rad, sidecar.pitch_rad) == pytest.approx((0, 0), abs=1e-12)
         pose = np.array(sidecar.pose_camera).reshape(4, 4)
         np.testing.assert_allclose(pose, camera_pose((0.5, -1.0, -1.3), np.radians(40)))
-        expected = Renderer(load_glb(builtin_room_path())).render(sidecar.camera, pose).image
+        expected = built_in_room().render(sidecar.camera, pose).image
         np.testing.assert_array_equal(decode_image((tmp_path / "goal.png").read_bytes()), expected)
         assert sorted(p.name for p in tmp_path.iterdir()) == ["goal.json", "goal.png"]
 
