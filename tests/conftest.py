@@ -22,6 +22,8 @@ PERCEIVING = {
     "test_perception_process.py": "perception",
     "test_ros2_cameras.py": "perception",
     "test_route_process.py": "perception",
+    "test_bench_drone.py": "flight",
+    "test_demo_vehicles.py": "flight",
 }
 """Modules that match images in real time, and groups of which one module runs at a time."""
 

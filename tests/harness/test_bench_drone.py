@@ -12,7 +12,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.viewpoints.poses import camera_pose
 
-pytestmark = [pytest.mark.serial, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.real_time, pytest.mark.slow, pytest.mark.timeout(900)]
 CAMERA = CameraModel.from_horizontal_fov(192, 144, 1.3)  # what slow machines compare in time, too
 GOAL = (0.5, -1.0, -1.3)
 TASK = BenchTask(
@@ -45,7 +45,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
 def test_the_levelled_task_is_flown_and_timed_against_its_bound(folder):
     summary = json.loads((folder / "d.json").read_text())["methods"]["service"]
     flight = summary["per_scene"]["room"]
@@ -63,13 +62,11 @@ def test_the_levelled_task_is_flown_and_timed_against_its_bound(folder):
         assert summary["mean_within_ratio"] == pytest.approx(ratio, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_the_goal_picture_is_taken_level(folder):
     pose = json.loads((folder / "runs" / "room" / "goal.json").read_text())["pose_camera"]
     assert pose == pytest.approx(camera_pose(GOAL, 0.7).ravel().tolist(), abs=1e-9)
 
 
-@pytest.mark.slow
 def test_a_flight_that_is_kept_is_not_flown_again(folder, capsys):
     flown = (folder / "runs" / "room" / "vehicle.jsonl").stat().st_mtime_ns
     assert drone(folder, "--resume") == 0

@@ -22,8 +22,9 @@ def flight(tmp_path_factory):
     """One flight, recorded, and what it left behind."""
 
     def fly(folder):
-        words = ("--json", folder / "figures.json", "--service", f"--record {folder / 'record'}")
-        return ran(demo_command(folder / "flight", "--seed", "0", "--estimate", "low", *words))
+        words = ("--seed", "0", "--estimate", "low", "--size", "192x144")
+        files = ("--json", folder / "figures.json", "--service", f"--record {folder / 'record'}")
+        return ran(demo_command(folder / "flight", *words, *files))
 
     done, folder = flown_in_time(fly, tmp_path_factory.mktemp("demo"))
     return done, folder / "flight", json.loads((folder / "figures.json").read_text())

@@ -2,10 +2,13 @@
 
 import itertools
 import json
+import math
 
 import pytest
+from pymavlink.dialects.v20 import development as mavlink
 from real_time import demo_command, flown_in_time, ran, summaries
 from vehicle_process import vehicle_running
+from waiting import until
 
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
@@ -24,14 +27,18 @@ def beside_a_flying_vehicle(folder):
         with GroundLink(ground) as link:
             pilot = Pilot(link)
             pilot.prepare()
-            pilot.take_off(1.0)
+            pilot.arm()
+            home = link.wait_for("HOME_POSITION", 15.0)
+            height_m = home.altitude / 1000.0 + 0.5
+            link.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, height_m)
+            assert until(pilot.is_flying)
         links = ("--autopilot", f"udpin://127.0.0.1:{vehicle.companion_port}", "--ground", ground)
         words = (*links, "--service", "--engage auto", "--no-report", "--size", "192x144")
         done = ran(demo_command(folder / "flight", *words, *A_SHORT_WAY))
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
 
-@pytest.mark.serial
+@pytest.mark.real_time
 def test_a_vehicle_that_flies_already_is_landed_flown_by_its_own_engaging_and_landed(tmp_path):
     (done, states, commands), _ = flown_in_time(beside_a_flying_vehicle, tmp_path)
     assert "flies already" in done.stderr
