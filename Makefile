@@ -47,7 +47,7 @@ docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 # Three workers on one thread each, some of which wait. Tests in real time follow, which mostly wait: three at a time
-# (marker real_time; tests/conftest.py keeps apart those that compute), or alone (serial).
+# (marker real_time; tests/conftest.py keeps apart those that compute), two at a time (paired), or alone (serial).
 # The gate's own tests run under "coverage". On a shared machine a test may fail since others took
 # its time: it is run once more, with nothing beside it, and what fails again fails the stage.
 IN_PARALLEL := --cache-clear --dist loadscope --no-loadscope-reorder
@@ -57,10 +57,11 @@ MARKED = $$(grep -rl --include='*.py' 'mark\.$(1)' tests/components tests/harnes
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
-	    $(BIN)/python -m pytest -n 3 $(IN_PARALLEL) -m "not real_time and not serial" \
+	    $(BIN)/python -m pytest -n 3 $(IN_PARALLEL) -m "not (real_time or paired or serial)" \
 	    --ignore tests/unit/gate --durations=40 || { $(AGAIN); }
 	$(BIN)/python -m pytest -n 3 $(IN_PARALLEL) -m "real_time and not serial" $(call MARKED,real_time) --durations=15 \
 	    || { $(AGAIN); }
+	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m paired $(call MARKED,paired) --durations=5 || { $(AGAIN); }
 	$(BIN)/python -m pytest --cache-clear -m serial $(call MARKED,serial) --durations=15 || { $(AGAIN); }
 else
 	$(BIN)/python -m pytest $(ARGS)

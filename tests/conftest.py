@@ -16,14 +16,15 @@ settings.register_profile("project", deadline=None, max_examples=50, derandomize
 settings.load_profile("project")
 
 
+TIMED = {"real_time", "paired", "serial"}
+"""Markers of tests that are in their time only beside a few others."""
+
 PERCEIVING = {
     "test_killed_service.py": "perception",
     "test_check.py": "perception",
     "test_perception_process.py": "perception",
     "test_ros2_cameras.py": "perception",
     "test_route_process.py": "perception",
-    "test_bench_drone.py": "flight",
-    "test_demo_vehicles.py": "flight",
 }
 """Modules that match images in real time, and groups of which one module runs at a time."""
 
@@ -44,9 +45,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ModuleSchedu
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the modules that take long: none of them is the last to end."""
     for item in items:
-        has_time = {"real_time", "serial"} & set(item.keywords)
+        has_time = TIMED & set(item.keywords)
         if has_time and item.path.relative_to(ROOT).parts[0] not in ("components", "harness"):
-            raise pytest.UsageError(f"real_time or serial outside of components: {item.nodeid}")
+            raise pytest.UsageError(
+                f"{' or '.join(sorted(TIMED))} outside of components: {item.nodeid}"
+            )
     slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)
 

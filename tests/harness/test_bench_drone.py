@@ -12,7 +12,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.viewpoints.poses import camera_pose
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.paired, pytest.mark.slow, pytest.mark.timeout(900)]
 CAMERA = CameraModel.from_horizontal_fov(192, 144, 1.3)  # what slow machines compare in time, too
 GOAL = (0.5, -1.0, -1.3)
 TASK = BenchTask(

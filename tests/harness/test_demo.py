@@ -14,7 +14,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.vehicle.record import read_record
 
-pytestmark = [pytest.mark.serial, pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.paired, pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 @pytest.fixture(scope="module")

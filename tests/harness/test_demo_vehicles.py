@@ -38,7 +38,7 @@ def beside_a_flying_vehicle(folder):
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
 
-@pytest.mark.real_time
+@pytest.mark.paired
 def test_a_vehicle_that_flies_already_is_landed_flown_by_its_own_engaging_and_landed(tmp_path):
     (done, states, commands), _ = flown_in_time(beside_a_flying_vehicle, tmp_path)
     assert "flies already" in done.stderr
