@@ -22,6 +22,8 @@ SLOWEST_MS = 80.0
 """Of a match at 320 x 240: from there on even the smallest images come too late."""
 NEAR_M, NEAR_DEG = 0.15, 5.0
 FLIGHT_S = 280.0
+SHARED = ("--size", "192x144", "--rate", "10")
+"""Of each of two flights at the same time, as ``dfvs-demo --vehicles 2`` has it on two cores."""
 
 
 def demo_command(folder: Path, *words: object) -> list[str]:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from built_in_room import built_in_room
-from real_time import demo_command, flown_in_time, ran
+from real_time import SHARED, demo_command, flown_in_time, ran
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.demo.plan import make_plan
@@ -22,7 +22,7 @@ def flight(tmp_path_factory):
     """One flight, recorded, and what it left behind."""
 
     def fly(folder):
-        words = ("--seed", "0", "--estimate", "low", "--size", "192x144")
+        words = ("--seed", "0", "--estimate", "low", *SHARED)
         files = ("--json", folder / "figures.json", "--service", f"--record {folder / 'record'}")
         return ran(demo_command(folder / "flight", *words, *files))
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from real_time import demo_command, flown_in_time, ran, summaries
+from real_time import SHARED, demo_command, flown_in_time, ran, summaries
 from vehicle_process import vehicle_running
 from waiting import until
 
@@ -33,7 +33,7 @@ def beside_a_flying_vehicle(folder):
             link.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, height_m)
             assert until(pilot.is_flying)
         links = ("--autopilot", f"udpin://127.0.0.1:{vehicle.companion_port}", "--ground", ground)
-        words = (*links, "--service", "--engage auto", "--no-report", "--size", "192x144")
+        words = (*links, "--service", "--engage auto", "--no-report", *SHARED)
         done = ran(demo_command(folder / "flight", *words, *A_SHORT_WAY))
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
