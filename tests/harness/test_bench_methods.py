@@ -81,7 +81,7 @@ def test_by_a_depth_network_it_ends_at_the_goal_as_soon(room, name, unit):
 
 def test_with_a_depth_of_3_m_everywhere_it_ends_near_the_goal(room):
     """The walls are at 1.5 m: sideways motion and yaw are told apart badly."""
-    trial = servo(room, "constant-depth", task(0.4, 12, LARGE), 80)
+    trial = servo(room, "constant-depth", task(0.4, 12), 80)
     assert trial.end == "done"
     assert trial.final.distance_m < 0.2
     assert trial.final.angle_rad < np.radians(3.0)
@@ -95,7 +95,7 @@ def test_photometric_servoing_is_exact_from_a_small_offset(room):
 
 
 def test_sift_servoing_converges_from_a_moderate_offset(room):
-    trial = servo(room, "sift", task(0.3, 10, LARGE), 80)
+    trial = servo(room, "sift", task(0.3, 10), 80)
     assert trial.converged
     assert trial.path_ratio < 1.3
 
@@ -166,7 +166,7 @@ def test_the_siamese_network_ends_at_the_goal_before_a_plane(room):
     photograph = room.render(LARGE, T_WORLD_GOAL, antialias=True).image
     T_goal = camera_pose((0.0, 0.0, 0.0), 0.0)
     away = make_pose(so3_exp(np.radians([-6.0, 6.0, 15.0])), np.array([0.12, -0.12, 0.06]))
-    there = BenchTask("wall", Path("wall.glb"), T_goal @ away, T_goal, LARGE)
+    there = BenchTask("wall", Path("wall.glb"), T_goal @ away, T_goal, SMALL)
     network = METHODS["bateux"].load(str(ASSETS / "bateux"))
     trial = servo(Renderer(wall(photograph)), "bateux", there, 60, pose=network.pose)
     assert trial.final.distance_m < 0.04
@@ -176,7 +176,7 @@ def test_the_siamese_network_ends_at_the_goal_before_a_plane(room):
 def test_the_network_on_stacked_images_ends_at_the_goal_from_near(room):
     """Its authors' setting: a start on the way to the goal."""
     network = METHODS["saxena"].load(str(ASSETS / "saxena"))
-    trial = servo(room, "saxena", task(0.4, 5, LARGE), 60, pose=network.pose)
+    trial = servo(room, "saxena", task(0.4, 5), 60, pose=network.pose)
     assert trial.steps[0].distance_m > 0.3
     assert trial.final.distance_m < 0.04
     assert trial.final.angle_rad < np.radians(1.0)
@@ -212,7 +212,7 @@ def test_a_method_that_goes_astray_is_stopped(room):
 
 def test_a_goal_beside_the_view_is_found_by_looking_around(room):
     aside = T_WORLD_GOAL @ make_pose(so3_exp(np.array([0.0, 1.3, 0.0])), np.array([0.2, 0, 0]))
-    beside = BenchTask("room", Path("room.glb"), aside, T_WORLD_GOAL, LARGE)
+    beside = BenchTask("room", Path("room.glb"), aside, T_WORLD_GOAL, SMALL)
     lost = servo(room, "motion-depth", beside, 80)
     assert lost.end == Status.NO_OVERLAP.value
     assert lost.path_m == 0.0
