@@ -21,7 +21,13 @@ FREE_AXES = (0, 1)
 """Axes of the match graph's inputs of any size: pairs of images, of which one is matched at a time,
 and keypoints."""
 _FEW_KEYPOINTS = 400
-"""Keypoints by which the turns are ranked, and those that are matched at a known one."""
+"""Keypoints that are matched at a known turn and scale."""
+_RANKING_KEYPOINTS = 256
+"""Keypoints by which turns and scales are ranked."""
+_CLEAR_SUPPORT = 20.0
+"""Sum of the confidence of their matches at which no others are tried."""
+_LIKENESS_POWER = 8
+"""Power of the cosine of two descriptors that makes likely matches count."""
 _OUTSIDE = -1e4
 """Value of a pixel outside of the image, so low that an interpolated one is negative too."""
 
@@ -47,9 +53,22 @@ class Keypoints:
         moved = points @ self._to_image[:, :2].T + self._to_image[:, 2]
         return np.asarray(moved, np.float32)
 
-    def strongest(self) -> Keypoints:
-        """The few keypoints of the highest scores."""
-        return Keypoints([tensor[:, :_FEW_KEYPOINTS] for tensor in self.tensors], self._to_image)
+    def strongest(self, count: int) -> Keypoints:
+        """The keypoints of the highest scores."""
+        return Keypoints([tensor[:, :count] for tensor in self.tensors], self._to_image)
+
+    def similarity(self, other: Keypoints) -> float:
+        """Sum over those that are each other's nearest by their descriptors' cosine."""
+        if not (len(self) and len(other)):
+            return 0.0
+        first, second = (
+            tensors[1][0] / np.linalg.norm(tensors[1][0], axis=1, keepdims=True)
+            for tensors in (self.tensors, other.tensors)
+        )
+        cosine = first @ second.T
+        nearest, own = cosine.argmax(axis=1), np.arange(len(cosine))
+        mutual = own[cosine.argmax(axis=0)[nearest] == own]
+        return float(np.sum(cosine[mutual, nearest[mutual]] ** _LIKENESS_POWER))
 
     def without(self, points: Float32Array) -> Keypoints:
         """Keypoints that are at none of some points (N, 2) px of the image."""
@@ -129,15 +148,7 @@ class EncodeMatchPoints:
         matched once more. Output that is not finite gives no match.
         """
         first = current.keypoints()
-        changed = [other.keypoints(*change) for change in self._changes]
-        few = first.strongest()
-
-        def support(second: Keypoints) -> float:
-            return float(self._match_points(few, second.strongest()).confidence.sum())
-
-        if len(changed) > 1:
-            changed.sort(key=support, reverse=True)
-        for second in changed:
+        for second in self._ranked(first, [other.keypoints(*change) for change in self._changes]):
             found = self._match_points(first, second)
             if exclusion is not None and (wrong := exclusion(found)).any():
                 found = self._match_points(first.without(found.current[wrong]), second)
@@ -150,7 +161,22 @@ class EncodeMatchPoints:
         turn = min(self._turns_rad, key=lambda turn: abs(math.remainder(turn - turn_rad, math.tau)))
         reduced = min(self._scales, key=lambda reduced: abs(math.log(reduced * scale)))
         first, second = current.keypoints(), other.keypoints(turn, reduced)
-        return self._match_points(first.strongest(), second.strongest())
+        return self._match_points(*(every.strongest(_FEW_KEYPOINTS) for every in (first, second)))
+
+    def _ranked(self, first: Keypoints, changed: list[Keypoints]) -> list[Keypoints]:
+        """Other keypoints by the support of a match of the strongest.
+
+        The likeliest by their descriptors are matched first, up to one with clear support.
+        """
+        few = first.strongest(_RANKING_KEYPOINTS)
+        others = [second.strongest(_RANKING_KEYPOINTS) for second in changed]
+        likely = sorted(range(len(changed)), key=lambda k: -few.similarity(others[k]))
+        support = dict.fromkeys(likely, 0.0)
+        for k in likely if len(likely) > 1 else ():
+            support[k] = float(self._match_points(few, others[k]).confidence.sum())
+            if support[k] >= _CLEAR_SUPPORT:
+                break
+        return [changed[k] for k in sorted(likely, key=lambda k: -support[k])]
 
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
         if not (len(first) and len(second)):

@@ -139,6 +139,23 @@ def test_partners_in_the_reduced_image_are_enlarged_again(tmp_path):
     np.testing.assert_allclose(found.other, 2.0 * (found.current - middle) + middle, atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("level", "scales", "runs"), [(128, (1.0, 0.5), 3), (255, (1.0, 0.5), 2), (255, (1.0,), 1)]
+)
+def test_changes_are_ranked_up_to_one_with_clear_support(
+    tmp_path, monkeypatch, level, scales, runs
+):
+    """Whose keypoints are then all matched, for the first hypothesis."""
+    points = load(grid_network.write_bundle(tmp_path), scales=scales)
+    image = np.full((HEIGHT, WIDTH, 3), level, np.uint8)
+    first, second = points.encode(image), points.encode(image)
+    run, matched = points._match.run, []
+    monkeypatch.setattr(points._match, "run", lambda feeds: matched.append(feeds) or run(feeds))
+    found = next(points.hypotheses(first, second))
+    assert len(matched) == runs
+    np.testing.assert_allclose(found.other, found.current, atol=1e-4)
+
+
 LARGE = 520
 
 
