@@ -26,7 +26,7 @@ _RANKING_KEYPOINTS = 256
 """Keypoints by which turns and scales are ranked."""
 _CLEAR_SUPPORT = 20.0
 """Sum of the confidence of their matches at which no others are tried."""
-_LIKENESS_POWER = 8
+_COSINE_POWER = 8
 """Power of the cosine of two descriptors that makes likely matches count."""
 _OUTSIDE = -1e4
 """Value of a pixel outside of the image, so low that an interpolated one is negative too."""
@@ -68,7 +68,7 @@ class Keypoints:
         cosine = first @ second.T
         nearest, own = cosine.argmax(axis=1), np.arange(len(cosine))
         mutual = own[cosine.argmax(axis=0)[nearest] == own]
-        return float(np.sum(cosine[mutual, nearest[mutual]] ** _LIKENESS_POWER))
+        return float(np.sum(cosine[mutual, nearest[mutual]] ** _COSINE_POWER))
 
     def without(self, points: Float32Array) -> Keypoints:
         """Keypoints that are at none of some points (N, 2) px of the image."""
