@@ -104,7 +104,13 @@ def require_replaceable(option: str, path: Path) -> None:
 
 
 def require_ending(option: str, path: Path | None, ending: str) -> None:
-    """Refuse a file to write whose name ends otherwise; None is no file."""
+    """Refuse a file to write whose name ends otherwise, in either case; None is no file.
+
+    Raises
+    ------
+    ConfigError
+        Naming the option, the file and the ending.
+    """
     if path is not None and path.suffix.lower() != ending:
         raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
 
