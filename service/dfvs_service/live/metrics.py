@@ -1,6 +1,5 @@
 """Prometheus metrics of a flight (latencies, rates, states, losses), and their HTTP server."""
 
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +20,6 @@ from dfvs_service.zenoh_session import open_persistently, require_usable_files, 
 
 _STREAMS = ("state", "servo", "timing")
 _CONNECT_PAUSE_S = 0.5
-_NICENESS = 10
 
 LATENCY_BUCKETS_S = (
     *(0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.125, 0.15),
@@ -185,7 +183,6 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
         If the address cannot be served on, or a certificate's file cannot be used.
     """
     require_usable_files(config.zenoh)
-    os.nice(_NICENESS)
     stopped = stop_event()
     registry = CollectorRegistry()
     metrics = FlightMetrics(config.vehicle.name, registry, time.monotonic_ns)

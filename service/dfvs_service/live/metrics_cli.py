@@ -1,6 +1,7 @@
 """``dfvs-metrics``: a running service's flight for Prometheus."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -12,6 +13,7 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 9464
 LOOPBACK = "127.0.0.1"
+_NICENESS = 10
 
 _EXAMPLE = """\
 examples, beside a running dfvs-service:
@@ -26,6 +28,8 @@ exit code: 0 ended by a signal, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     arguments = _parser().parse_args(argv)
+    if argv is None:
+        os.nice(_NICENESS)  # it may serve beside a flight
     return run_command(lambda: _serve(arguments))
 
 
