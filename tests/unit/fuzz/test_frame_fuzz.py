@@ -98,6 +98,12 @@ def test_growth_counts_after_the_warm_up():
     assert outcome.growth_kib == 5000
 
 
+def test_what_was_freed_and_not_given_back_is_no_growth():
+    outcome = FrameOutcome()
+    outcome.resident_kib[7] += [100, 900, 9000, 1000, 1500, 6000, 1100, 9500]
+    assert outcome.growth_kib == 100
+
+
 def test_a_frame_is_the_same_whenever_it_is_made(tmp_path, capsys):
     one, two = (hostile_frame(corpus_of(3), 3, 11) for _ in range(2))
     assert one == two

@@ -66,7 +66,7 @@ class FrameOutcome:
     escaped: int = 0
     """Frames that let an exception escape."""
     resident_kib: defaultdict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
-    """Memory of each process after each of its jobs."""
+    """Memory that each process has filled itself after each of its jobs, without pages of files."""
 
     def add(self, other: FrameOutcome) -> None:
         """Count what another one counted."""
@@ -84,9 +84,14 @@ class FrameOutcome:
 
     @property
     def growth_kib(self) -> int:
-        """Largest growth of a process's memory after its first few jobs."""
+        """Largest growth of a process's memory after its first few jobs.
+
+        Of the least memory in the last third of its jobs over that in the first: what was freed
+        last may not have been given back yet.
+        """
         settled = [sizes[_WARM_UP_JOBS:] for sizes in self.resident_kib.values()]
-        return max((sizes[-1] - sizes[0] for sizes in settled if sizes), default=0)
+        thirds = [(sizes, -(-len(sizes) // 3)) for sizes in settled if sizes]
+        return max((min(sizes[-n:]) - min(sizes[:n]) for sizes, n in thirds), default=0)
 
 
 def hostile_frame(corpus: Corpus, seed: int, number: int) -> HostileFrame:
@@ -129,7 +134,7 @@ def feed(seed: int, numbers: range) -> FrameOutcome:
         if flaw := what_is_wrong_with(came, must_come):
             outcome.flaws.append((number, frame.kind, flaw))
         state = came.state
-    outcome.resident_kib[os.getpid()].append(memory_kib("VmRSS"))
+    outcome.resident_kib[os.getpid()].append(memory_kib("RssAnon"))
     return outcome
 
 
