@@ -77,20 +77,31 @@ def require_folder(option: str, path: Path | None) -> None:
         raise ConfigError(f"{option} {path} lies in no folder", "an existing folder")
 
 
-def require_file(option: str, path: Path | None) -> None:
-    """Refuse a file to write that lies in no folder, or is one; None is no file.
+def require_file(option: str, path: Path | None, ending: str = "") -> None:
+    """Refuse a file to write that lies in no folder, is one, or is named otherwise.
+
+    Parameters
+    ----------
+    option : str
+        Option that names it, for the error.
+    path : Path, optional
+        None is no file.
+    ending : str
+        Ending that its name must have, in either case; empty for any.
 
     Raises
     ------
     ConfigError
-        If it does or is.
+        If it cannot be written.
     """
     require_folder(option, path)
     if path is not None and path.is_dir():
         raise ConfigError(f"{option} {path} is a folder", "a file in it")
+    if path is not None and ending and path.suffix.lower() != ending:
+        raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
 
 
-def require_replaceable(option: str, path: Path) -> None:
+def require_replaceable(option: str, path: Path, ending: str = "") -> None:
     """Refuse a file that :func:`require_file` refuses, or whose folder takes no new files.
 
     Raises
@@ -98,34 +109,9 @@ def require_replaceable(option: str, path: Path) -> None:
     ConfigError
         If it cannot be written.
     """
-    require_file(option, path)
+    require_file(option, path, ending)
     if not os.access(path.absolute().parent, os.W_OK):
         raise ConfigError(f"{option} {path} cannot be written", "a folder that is writable")
-
-
-def require_ending(option: str, path: Path | None, ending: str) -> None:
-    """Refuse a file to write whose name ends otherwise, in either case; None is no file.
-
-    Raises
-    ------
-    ConfigError
-        Naming the option, the file and the ending.
-    """
-    if path is not None and path.suffix.lower() != ending:
-        raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
-
-
-def require_page(option: str, path: Path | None) -> None:
-    """Refuse a page to write that :func:`require_file` refuses, or that browsers do not open.
-
-    Raises
-    ------
-    ConfigError
-        If it does not end in ``.html``, or is no file that could be written.
-    """
-    require_file(option, path)
-    if path is not None and path.suffix.lower() != ".html":
-        raise ConfigError(f"{option} {path} is no page", "a name that ends in .html")
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.command_line import program_parser, require_options
+from dfvs_common.command_line import program_parser, require_options, require_replaceable
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError, DfvsError
@@ -214,18 +214,15 @@ def _flight_settings(arguments: argparse.Namespace) -> ServiceConfig:
 
 def _check_options(arguments: argparse.Namespace) -> None:
     """Refuse options of the check without it, and an image that could not be written."""
-    path = arguments.image
     for option, is_given in (
-        ("--image", path is not None),
+        ("--image", arguments.image is not None),
         ("--json", arguments.json),
         ("--check-timeout", arguments.check_timeout is not None),
     ):
         if is_given and not arguments.check:
             raise ConfigError(f"{option} without --check", "both, or neither")
-    if path is None:
-        return
-    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
-        raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
+    if arguments.image is not None:
+        require_replaceable("--image", arguments.image, ".png")
 
 
 def _fly(words: Sequence[str], commands: Iterable[str]) -> int:

@@ -12,7 +12,7 @@ from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.task import BenchTask, same_poses
-from dfvs_common.command_line import require_ending, require_file
+from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
@@ -55,8 +55,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the page; exit code 0."""
-    require_ending("--out", args.out, ".html")
-    require_file("--out", args.out)
+    require_file("--out", args.out, ".html")
     contents = _contents(args)
     page = report_page(contents, log)
     args.out.write_text(page, encoding="utf-8")

@@ -10,7 +10,7 @@ from dfvs_bench.report.contact_sheet import contact_sheet
 from dfvs_bench.trials.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
 from dfvs_bench.trials.settings import SETTINGS, setting_tasks
 from dfvs_bench.trials.task import BenchTask
-from dfvs_common.command_line import require_ending, require_file
+from dfvs_common.command_line import require_file
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
@@ -49,8 +49,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """List or make the scenes; exit code 0."""
-    require_file("--sheet", args.sheet)
-    require_ending("--sheet", args.sheet, ".png")
+    require_file("--sheet", args.sheet, ".png")
     tasks = _tasks(args)
     print("\n".join(_line(task) for task in tasks))
     if args.sheet is not None:

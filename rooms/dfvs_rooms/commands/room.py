@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dfvs_common.command_line import require_ending, require_file
+from dfvs_common.command_line import require_file
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.image import encode_png
@@ -68,8 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """Make the room; exit code 0."""
     require_range(args, 0, None, "seed")
     for option, path, ending in (("--out", args.out, ".glb"), ("--preview", args.preview, ".png")):
-        require_ending(option, path, ending)
-        require_file(option, path)
+        require_file(option, path, ending)
     settings = BakeSettings(samples=args.samples, seed=args.seed)
     if args.light == "traced":
         load_mitsuba()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from dfvs_common.command_line import command_parser
+from dfvs_common.command_line import command_parser, require_replaceable
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal import Mount
@@ -71,9 +71,10 @@ def run(words: Sequence[str]) -> int:
     Raises
     ------
     DfvsError
-        If there is no image, no calibration or no attitude.
+        If there is no image, calibration or attitude, or the goal cannot be written.
     """
     arguments = _parser().parse_args(words)
+    require_replaceable("--out", arguments.out, ".png")
     if not 1 <= arguments.frames <= 1000:
         raise ConfigError(f"--frames is {arguments.frames}", "1 to 1000")
     given = None if arguments.attitude is None else parse_attitude(arguments.attitude)

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import FrameType
 
 from dfvs_common.command_line import program_parser
+from dfvs_common.extras import require_package
 from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
@@ -75,16 +75,12 @@ def make_parser() -> argparse.ArgumentParser:
 
 def _serve(words: Sequence[str]) -> int:
     arguments = make_parser().parse_args(words)
-    try:
-        # An extra of the installation, which this command alone needs.
-        import uvicorn
+    for name in ("starlette", "uvicorn", "websockets"):
+        require_package("dfvs-dashboard needs", name, "dashboard")
+    import uvicorn
 
-        from dfvs_service.dashboard.app import Dashboard, make_app
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"the dashboard needs {error.name}, which is not installed",
-            remedy="install it with: pip install 'dfvs[dashboard]'",
-        ) from error
+    from dfvs_service.dashboard.app import Dashboard, make_app
+
     settings = dashboard_settings(arguments)
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     config = uvicorn.Config(

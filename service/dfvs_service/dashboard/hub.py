@@ -37,8 +37,8 @@ class Hub:
         self._local_clock = local_clock
         self._on_watch = on_watch
         self._models: dict[str, VehicleModel] = {}
-        self._images: dict[str, dict[ImageKind, bytes]] = {}
-        """Newest image of each kind of a vehicle."""
+        self._images: dict[str, dict[ImageKind, tuple[float, bytes]]] = {}
+        """Newest image of each kind of a vehicle, with its time by the monotonic clock, ms."""
         self._watchers: dict[Outbox, str | None] = {}
         self.refused = 0
         """Messages from vehicles that could not be read."""
@@ -76,8 +76,8 @@ class Hub:
         news = {"watching": vehicle, **model.history(now), **model.link_update(now)}
         outbox.offer(_encode(news))
         outbox.offer({"vehicles": self._vehicles_json()})
-        for kind, image in self._images.get(vehicle, {}).items():
-            outbox.show(kind, image)
+        for kind, (t_ms, data) in self._images.get(vehicle, {}).items():
+            outbox.show(kind, encode_image_message(kind, t_ms + now.offset_ms, data))
         self._publish_subscriptions()
 
     def on_samples(self, samples: Iterable[Sample]) -> None:
@@ -114,11 +114,12 @@ class Hub:
         if model is None:
             return
         if isinstance(sample.content, BrowserImage):
+            kind, data = sample.content.kind, sample.content.data
             t_ms = model.on_image(sample.stream, sample.content, now, sample.replaced)
-            message = encode_image_message(sample.content.kind, t_ms, sample.content.data)
-            self._images.setdefault(model.name, {})[sample.content.kind] = message
+            self._images.setdefault(model.name, {})[kind] = (t_ms - now.offset_ms, data)
+            message = encode_image_message(kind, t_ms, data)
             for outbox in self._watching(model.name):
-                outbox.show(sample.content.kind, message)
+                outbox.show(kind, message)
         else:
             self._publish(model.name, model.on_document(sample.stream, sample.content, now))
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dfvs_common.command_line import program_parser
 from dfvs_common.extras import require_package
 from dfvs_common.lifecycle import EXIT_OK, run_command
-from dfvs_core.errors import ConfigError
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 9464
@@ -50,8 +49,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _serve(arguments: argparse.Namespace) -> int:
     require_package("dfvs-metrics needs", "prometheus_client", "metrics", "prometheus-client")
-    if not 0 <= arguments.port <= 65535:
-        raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
     config = settings_from(arguments)
     # Prometheus' client and Zenoh take their time to load.
     from dfvs_service.live.metrics import serve_metrics

@@ -1,8 +1,5 @@
 """Runtime folder of the service's processes: settings, goal, sockets, logs."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -15,54 +12,46 @@ Child = Literal["gate", "perception", "operator_link", "recorder", "black-box"]
 """A process of the service that may write to standard error."""
 
 
-class _Inside:
-    """Path of a name in a runtime folder."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def __get__(self, folder: RuntimeFolder, _owner: type) -> Path:
-        return folder.path / self._name
-
-
-@dataclass(frozen=True, slots=True)
 class RuntimeFolder:
-    """Paths inside the runtime folder."""
+    """Paths inside the runtime folder.
 
-    path: Path
+    Raises
+    ------
+    ConfigError
+        If its name is too long for a socket's address.
+    """
 
-    config = _Inside("config.json")
-    """Resolved settings."""
-    goal_image = _Inside("goal.png")
-    """Goal as PNG; its sidecar lies beside it."""
-    gate_socket = _Inside("gate.sock")
-    """Where the gate listens for perception."""
-    perception_socket = _Inside("perception.sock")
-    """Where perception listens for the gate."""
-    link_socket = _Inside("link.sock")
-    """Where the operator link listens for the gate."""
-    zenoh_socket = _Inside("zenoh.sock")
-    """Where the operator link offers Zenoh to the other processes of the service."""
-    new_goals = _Inside("new-goals")
-    """Folder of goals that operators sent."""
-    parent_socket = _Inside("parent.sock")
-    """Where the parent listens for the gate's heartbeats."""
-    gate_log = _Inside("gate.jsonl")
-    """JSON lines: transitions with their causes, mode requests, warnings."""
-    gate_inputs = _Inside("gate-inputs.jsonl")
-    """Everything that the gate decided by, for a replay."""
-    service_log = _Inside("service.jsonl")
-    """JSON lines: all lines of the parent to the user, and the exit code."""
-    black_box_socket = _Inside("black-box.sock")
-    """Where the black box listens for telemetry."""
-    gate_scratch = _Inside("gate-scratch")
-    """Folder of the temporary files of the gate's libraries, emptied at each start."""
-
-    def __post_init__(self) -> None:
-        """Refuse a folder whose name is too long for a socket's address."""
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.config = path / "config.json"
+        """Resolved settings."""
+        self.goal_image = path / "goal.png"
+        """Goal as PNG; its sidecar lies beside it."""
+        self.gate_socket = path / "gate.sock"
+        """Where the gate listens for perception."""
+        self.perception_socket = path / "perception.sock"
+        """Where perception listens for the gate."""
+        self.link_socket = path / "link.sock"
+        """Where the operator link listens for the gate."""
+        self.zenoh_socket = path / "zenoh.sock"
+        """Where the operator link offers Zenoh to the other processes of the service."""
+        self.new_goals = path / "new-goals"
+        """Folder of goals that operators sent."""
+        self.parent_socket = path / "parent.sock"
+        """Where the parent listens for the gate's heartbeats."""
+        self.gate_log = path / "gate.jsonl"
+        """JSON lines: transitions with their causes, mode requests, warnings."""
+        self.gate_inputs = path / "gate-inputs.jsonl"
+        """Everything that the gate decided by, for a replay."""
+        self.service_log = path / "service.jsonl"
+        """JSON lines: all lines of the parent to the user, and the exit code."""
+        self.black_box_socket = path / "black-box.sock"
+        """Where the black box listens for telemetry."""
+        self.gate_scratch = path / "gate-scratch"
+        """Folder of the temporary files of the gate's libraries, emptied at each start."""
         if len(str(self.perception_socket).encode()) > _MAX_SOCKET_PATH:
             raise ConfigError(
-                f"the runtime folder {str(self.path)!r} has too long a name for Unix sockets",
+                f"the runtime folder {str(path)!r} has too long a name for Unix sockets",
                 f"at most {_MAX_SOCKET_PATH - len('/perception.sock')} bytes",
                 "choose another one with --runtime-dir",
             )

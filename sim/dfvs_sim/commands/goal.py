@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.command_line import require_ending
+from dfvs_common.command_line import require_file
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
@@ -62,7 +62,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Render and write; exit code 0."""
-    require_ending("--out", args.out, ".png")
+    require_file("--out", args.out, ".png")
     T_world_camera = _pose(args)
     camera = camera_from(args)
     renderer = renderer_from(args)

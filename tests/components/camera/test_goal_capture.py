@@ -101,6 +101,8 @@ def test_a_camera_that_looks_ahead_is_assumed_aloud(pictures, capsys):
         (("--attitude", "0,0", "--mavlink", "udpin://127.0.0.1:1"), "only one of them"),
         (("--mavlink", "/dev/ttyACM0"), "vehicle.mavlink = '/dev/ttyACM0'; expected udpin://"),
         (("--frames", "0"), "--frames is 0"),
+        (("--source", "none", "--out", "goal.jpg"), "--out is 'goal.jpg'; expected a name that"),
+        (("--source", "none", "--out", "none/goal.png"), "lies in no folder"),
         (("--size", "640x480"), "the calibration's size"),
     ],
 )

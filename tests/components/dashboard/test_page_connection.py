@@ -1,8 +1,13 @@
 """What the page does when its connection is lost, refused, or made anew."""
 
+import base64
+
+import numpy as np
 import pytest
 from browser_page import needs_chromium
 from scripted_server import TOKEN, ScriptedServer
+
+from dfvs_core.messages.image import encode_jpeg
 
 pytestmark = needs_chromium
 
@@ -52,6 +57,48 @@ def test_a_vehicle_that_the_user_chooses_is_asked_for(serve):
     server.close()
     server.until(lambda: server.watched == ["swift"])
     server.page.wait(WATCHED, "swift")
+
+
+def test_what_is_shown_of_a_vehicle_is_not_called_another_one_s_without_a_connection(serve):
+    server = serve("heron", "swift")
+    server.page.wait_text("server", "live")
+    server.accepts = False
+    server.socket.close(code=1001)
+    server.page.page.wait_for_selector("#alarm", state="visible")
+    server.page.page.select_option("#vehicle", "swift")
+    server.page.wait_text("state", "no data")
+    assert "SERVO" not in server.page.page.title()
+
+
+DECODED_LATE = """async (jpeg) => {
+  const { View } = await import("./view.js");
+  const place = document.body.appendChild(document.createElement("div"));
+  const view = new View(place.appendChild(document.createElement("canvas")), () => 0);
+  const image = { captureMs: 1, data: Uint8Array.from(atob(jpeg), (c) => c.charCodeAt(0)) };
+  const taken = [1, 1, 2].map((kind) => view.take({ kind, ...image }));
+  view.clear();
+  await Promise.all(taken);
+  const kept = view.stats.has;
+  await view.take({ kind: 1, ...image });
+  return [kept.view, kept.goal, view.stats.has.view];
+}"""
+
+
+def test_an_image_that_is_decoded_after_another_vehicle_was_chosen_is_not_shown(page):
+    jpeg = base64.b64encode(encode_jpeg(np.zeros((48, 64, 3), np.uint8))).decode()
+    assert page.evaluate(DECODED_LATE, jpeg) == [False, False, True]
+
+
+HEADING = """async (yaw_rad) => {
+  const { showInstruments } = await import("./instruments.js");
+  showInstruments({ yaw_rad, roll_rad: 0, pitch_rad: 0, down_m: 0 });
+  return document.getElementById("heading").textContent;
+}"""
+
+
+@pytest.mark.parametrize(("yaw_rad", "shown"), [(-1.571, "270°"), (-0.001, "0°"), (3.142, "180°")])
+def test_headings_are_those_of_a_compass(page, yaw_rad, shown):
+    assert page.evaluate(HEADING, yaw_rad) == shown
 
 
 def test_a_warning_about_the_vehicle_s_name_is_shown(serve):

@@ -216,7 +216,7 @@ def test_another_model_is_tried_on_the_same_frames(recording):
         (["nowhere.mcap", "--json", "/nowhere/r.json"], "/nowhere/r.json lies in no folder"),
         (["nowhere.mcap", "--json", "/"], "--json / is a folder"),
         (["nowhere.mcap", "--html", "/"], "--html / is a folder"),
-        (["nowhere.mcap", "--html", "r.pdf"], "--html r.pdf is no page"),
+        (["nowhere.mcap", "--html", "r.pdf"], "a name that ends in .html"),
         ([__file__], "is not a recording"),
     ],
 )

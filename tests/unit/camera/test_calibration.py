@@ -176,7 +176,7 @@ def test_the_command_goes_from_a_folder_to_a_file_that_the_service_reads(tmp_pat
     for i, image in enumerate(images):
         (folder / f"{i:02d}.png").write_bytes(encode_png(image))
     (folder / "zz.png").write_bytes(encode_png(np.full_like(images[0], 90)))
-    out = tmp_path / "camera.toml"
+    out = tmp_path / "camera.TOML"
     words = ["calibrate", "--board", BOARDS["charuco"], "--source", str(folder), "--out", str(out)]
     assert cli.main([*words, "--json"]) in (0, 1)
     printed, told = capsys.readouterr()

@@ -90,6 +90,13 @@ def test_who_begins_to_watch_a_vehicle_that_fell_silent_gets_its_last_view_with_
     assert struct.unpack_from("<d", view, 1)[0] == 5000.0
 
 
+def test_a_kept_view_has_its_time_by_the_clock_that_was_set_since(rig):
+    rig.picture("swift")
+    rig.now = Moment(2_000_000_000, 9_000_000.0)
+    _, (view,) = take(rig.browser("swift"))
+    assert struct.unpack_from("<d", view, 1)[0] == 8_999_000.0
+
+
 def test_pictures_are_asked_for_only_while_somebody_watches(rig):
     rig.state("swift")
     rig.state("heron")

@@ -122,6 +122,7 @@ def test_a_new_token_is_a_private_file(tmp_path, capfd, refused):
     refused(cli.main, *words)
 
 
-def test_without_the_extra_it_says_what_to_install(monkeypatch, refusal):
-    monkeypatch.setitem(sys.modules, "uvicorn", None)
+@pytest.mark.parametrize("package", ["starlette", "uvicorn", "websockets"])
+def test_without_the_extra_it_says_what_to_install(package, monkeypatch, refusal):
+    monkeypatch.setitem(sys.modules, package, None)
     assert "pip install 'dfvs[dashboard]'" in refusal()

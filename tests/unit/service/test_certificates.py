@@ -5,6 +5,7 @@ import importlib.util
 import json
 import re
 import shutil
+import stat
 import tomllib
 from pathlib import Path
 
@@ -38,12 +39,15 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_every_role_has_a_certificate_of_its_name(folder):
+def test_every_role_has_a_certificate_of_its_name_and_keys_are_private(folder):
     for vehicle in ("drone1", "drone2"):
         for role in Role:
             name = certificate_name(role, vehicle)
             certificate = read_certificate(folder / name / "certificate.pem")
             assert certificate.subject.rfc4514_string() == f"CN={name}"
+    for key in folder.rglob("key.pem"):
+        assert stat.S_IMODE(key.stat().st_mode) == 0o600
+        assert stat.S_IMODE(key.parent.stat().st_mode) == 0o700
 
 
 def test_the_router_s_file_names_no_folder_so_that_it_may_be_moved(folder, tmp_path):
@@ -158,7 +162,8 @@ def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, refused):
     ("words", "told"),
     [
         (["--vehicle", "v" * 55], "at most 54 characters"),
-        (["--days", "3000000"], "1 to 36500"),
+        (["--vehicle", "Bad Name"], "vehicle name"),
+        *((["--days", days], "1 to 36500") for days in ("0", "3000000")),
         *(
             (["--listen", endpoint], "an endpoint such as tls/0.0.0.0:7447")
             for endpoint in ("", "0.0.0.0:7447", "tls/drone", "tcp/0.0.0.0:7447", "tls/a b:7447")

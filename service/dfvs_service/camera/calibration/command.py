@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import command_parser, require_ending, require_replaceable
+from dfvs_common.command_line import command_parser, require_file, require_replaceable
 from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
@@ -71,7 +71,7 @@ def run_board(words: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
     arguments = parser.parse_args(words)
     board = Board(parse_board(arguments.board))
-    require_ending("--out", arguments.out, ".png")
+    require_file("--out", arguments.out, ".png")
     if not 50 <= arguments.dpi <= 1200:
         raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
@@ -95,8 +95,7 @@ def run(words: Sequence[str]) -> int:
     """
     arguments = _parser().parse_args(words)
     board = Board(parse_board(arguments.board))
-    if arguments.out.suffix != ".toml":
-        raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .toml")
+    require_file("--out", arguments.out, ".toml")
     for path in _outputs(arguments.out):
         require_replaceable("--out", path)
     views, size, images = _collect(board, arguments)

@@ -10,7 +10,7 @@ export function showInstruments(path, state) {
   const degrees = (value) => `${fixed(scaled(value, DEGREES), 1)}°`;
   say(byId("roll"), path ? degrees(path.roll_rad) : DASH);
   say(byId("pitch"), path ? degrees(path.pitch_rad) : DASH);
-  const heading = path ? (path.yaw_rad * DEGREES + 360) % 360 : NaN;
+  const heading = path ? (Math.round(path.yaw_rad * DEGREES) + 360) % 360 : NaN;
   say(byId("heading"), `${fixed(heading, 0)}°`);
   say(byId("altitude"), `${fixed(path ? -path.down_m : NaN, 2)} m`);
   const battery = state?.battery ?? NaN;

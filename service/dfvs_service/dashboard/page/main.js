@@ -111,6 +111,7 @@ const TAKE = {
 const KEPT = ["state", "verdict", "timing", "link", "zenoh", "overtaken"];
 
 function watch(name) {
+  if (name !== shown) forget("");
   watched = name;
   connection.send({ type: "watch", vehicle: name });
 }

@@ -22,6 +22,8 @@ export class View {
   #pendingMs = null;
   #delays = [];
   #isFirst = true;
+  /** How many times everything was forgotten: an image from before is not shown. */
+  #epoch = 0;
   #drawnAt = [];
   #now;
   /** Live image that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
@@ -69,6 +71,8 @@ export class View {
     this.#delays = [];
     this.#drawnAt = [];
     this.#isFirst = true;
+    this.#epoch += 1;
+    this.#waiting.clear();
     this.redraw();
   }
 
@@ -85,9 +89,11 @@ export class View {
       return;
     }
     this.#decoding.add(image.kind);
+    const epoch = this.#epoch;
     try {
-      const blob = new Blob([image.data], { type: "image/jpeg" });
-      this.#show(image, await createImageBitmap(blob));
+      const bitmap = await createImageBitmap(new Blob([image.data], { type: "image/jpeg" }));
+      if (epoch === this.#epoch) this.#show(image, bitmap);
+      else bitmap.close();
     } catch {
       // A damaged JPEG is left out; the next one comes soon.
     } finally {
