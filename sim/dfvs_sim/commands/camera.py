@@ -11,7 +11,6 @@ import zenoh
 from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.messages.frame import FORMAT_NAMES
@@ -28,6 +27,7 @@ from dfvs_sim.options import (
     camera_from,
     parse_numbers,
     renderer_from,
+    require_range,
 )
 
 _EPILOG = """examples:
@@ -83,8 +83,11 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
-    if not 0.1 <= args.rate <= 240:
-        raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
+    require_range(args, 0.1, 240, "rate")
+    require_range(args, 0, 255, "noise")
+    require_range(args, 0, None, "seed")
+    if args.share is not None:
+        require_range(args, 1, 65535, "share")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))
     T_scene_local = _origin(args.origin)
     config = MockCameraConfig(

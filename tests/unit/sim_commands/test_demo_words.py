@@ -23,6 +23,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--runs", "0"), "--runs is 0"),
         (("--json", "/nowhere/at/all.json"), "--json"),
         (("--json", "."), "--json . is a folder"),
+        (("--seed", "-1"), "--seed is -1"),
         (("--rate", "0"), "--rate is 0"),
         (("--timeout", "0"), "--timeout is 0"),
         (("--ready", "0"), "--ready is 0"),
