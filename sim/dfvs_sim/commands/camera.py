@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
     require_range(args, 0.1, 240, "rate")
     require_range(args, 0, 255, "noise")
     require_range(args, 0, None, "seed")
-    if args.share is not None:
-        require_range(args, 1, 65535, "share")
+    require_range(args, 1, 65535, "share")
+    require_range(args, 1, 250, "system_id")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))
     T_scene_local = _origin(args.origin)
     config = MockCameraConfig(
@@ -99,11 +99,11 @@ def run(args: argparse.Namespace) -> int:
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
         session = stack.enter_context(open_session("peer", (args.connect,)))
+        publish, key = _publisher(args, config, session)
         tracker = PoseTracker(link, log)
         log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
         poses = tracker.camera_poses(T_scene_local, mount.T_body_camera())
-        publish, key = _publisher(args, config, session)
         log(f"camera: publishing on {key}")
         stop = stop_event()  # what waits until here is ended by the signal itself
         MockCamera(config, renderer, poses, publish).run(stop)

@@ -28,6 +28,7 @@ FOLDER_FOR_FILE = ("answers", "faults", "fuzz commands", "fuzz frames", "fuzz ga
         ("answers", "--json", "no/such/folder/a.json"),
         *((command, "--json", ".") for command in FOLDER_FOR_FILE),
         ("faults", "--html", "."),
+        ("faults", "--minutes", "nan"),
     ],
 )
 def test_an_impossible_option_is_named(command, option, value, refused, tmp_path, monkeypatch):

@@ -29,6 +29,8 @@ def test_a_signal_ends_the_wait_for_the_vehicle(number, monkeypatch):
         ("--noise", "-1", "--noise is -1; expected 0 to 255"),
         ("--seed", "-1", "--seed is -1"),
         ("--share", "65536", "--share is 65536; expected 1 to 65535"),
+        ("--system-id", "0", "--system-id is 0; expected 1 to 250"),
+        ("--vehicle", "A B", "vehicle name 'A B'"),
         ("--connect", "somewhere", "somewhere; expected an endpoint such as tcp/127.0.0.1:7447"),
     ],
 )
