@@ -108,6 +108,7 @@ def _parser() -> argparse.ArgumentParser:
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be flown, and settle what other options decide."""
     require_range(args, 1, MOST_VEHICLES, "vehicles")
+    require_range(args, 1, 251 - args.vehicles, "system_id")  # of the first vehicle
     require_range(args, 1, None, "runs", "timeout", "ready")
     require_range(args, 0, None, "seed")
     Topics(args.name)

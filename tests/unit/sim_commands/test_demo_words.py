@@ -37,6 +37,7 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
         (("--vehicles", "2", "--runs", "2"), "--runs beside --vehicles"),
         (("--vehicles", "2", "--autopilot", "udpin://127.0.0.1:1"), "--autopilot beside"),
         (("--system-id", "251"), "--system-id is 251"),
+        (("--vehicles", "3", "--system-id", "249"), "--system-id is 249; expected 1 to 248"),
         (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
         (("--estimate", "exact"), "--estimate is 'exact'"),
         (("--wind", "gale"), "--wind is 'gale'"),
