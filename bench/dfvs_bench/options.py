@@ -92,8 +92,7 @@ def trial_setup(
         If an option cannot be used, or the matcher or the network of a method not be loaded.
     """
     check_outputs(args, *outputs)
-    if args.iterations is not None:
-        require_range(args, 1, None, "iterations")
+    require_range(args, 1, None, "iterations")
     executor = TrialExecutor(args.workers, args.dask)
     networks = _networks_from(args)
     kinds = chosen_methods(

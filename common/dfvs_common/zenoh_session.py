@@ -22,9 +22,9 @@ def open_session(
         If an endpoint is none or cannot be listened on, or the router cannot be reached.
     """
     settings = zenoh.Config()
-    for key, value in zenoh_settings(mode, connect, listen, encryption):
-        settings.insert_json5(key, value)
     try:
+        for key, value in zenoh_settings(mode, connect, listen, encryption):
+            settings.insert_json5(key, value)
         return zenoh.open(settings)
     except zenoh.ZError as error:
         raise ConfigError(

@@ -1,13 +1,12 @@
 """Command-line options that several commands share: scene, camera, poses, conditions, files."""
 
 import argparse
-import json
 import math
 import re
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.atomic_file import write_atomic
+from dfvs_common.atomic_file import replace_json
 from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
@@ -148,9 +147,8 @@ def write_json(path: Path, document: Any) -> None:
     ValueError
         If a number is not finite: JSON has none such, and None stands for what is unknown.
     """
-    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     try:
-        write_atomic(path, text.encode())
+        replace_json(path, document)
     except OSError as error:
         raise ConfigError(
             f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"
@@ -160,6 +158,8 @@ def write_json(path: Path, document: Any) -> None:
 def require_range(args: argparse.Namespace, low: float, high: float | None, *names: str) -> None:
     """Refuse options that are below ``low`` or above ``high``; None is no upper bound.
 
+    An option that is None was not given.
+
     Raises
     ------
     ConfigError
@@ -167,7 +167,7 @@ def require_range(args: argparse.Namespace, low: float, high: float | None, *nam
     """
     for name in names:
         value = getattr(args, name)
-        if not low <= value <= (math.inf if high is None else high):
+        if value is not None and not low <= value <= (math.inf if high is None else high):
             shown = f"{value:g}" if isinstance(value, float) else value
             expected = f"{low:g} or more" if high is None else f"{low:g} to {high:g}"
             raise ConfigError(f"--{name.replace('_', '-')} is {shown}", expected)

@@ -94,6 +94,7 @@ def folder(tmp_path, monkeypatch):
         ("relocalise", "ROOM", "names of their own"),
         ("relocalise", "--json nowhere/f.json", "lies in no folder"),
         ("renderer", "--json none/f.json", "lies in no folder"),
+        ("renderer", "--seed -1", "--seed is -1"),
         ("report", "--runs none --basin none --drone none --out r.html", "hold no trials"),
         ("report", "--out nowhere/r.html", "--out nowhere/r.html lies in no folder"),
         ("report", "--out r.txt", "--out is 'r.txt'; expected a name that ends in .html"),

@@ -45,6 +45,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure and print; exit code 0."""
     require_range(args, 2, 100_000, "frames")
+    require_range(args, 0, None, "seed")
     require_file("--json", args.json)
     path = args.scene or builtin_room_path()
     renderer = Renderer(load_glb(path))

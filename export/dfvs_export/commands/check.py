@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 import onnx
+from google.protobuf.message import DecodeError
 
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, ModelError
@@ -65,10 +66,10 @@ def operators(contents: Mapping[str, bytes]) -> Counter[str]:
     for name, data in contents.items():
         if not name.endswith(".onnx"):
             continue
-        model = onnx.load_model_from_string(data)
         try:
+            model = onnx.load_model_from_string(data)
             onnx.checker.check_model(model)
-        except onnx.checker.ValidationError as error:
+        except (DecodeError, onnx.checker.ValidationError) as error:
             raise ModelError(f"{name} is not valid ONNX: {error}") from error
         counts.update(node.op_type for node in model.graph.node)
     return counts

@@ -29,7 +29,8 @@ class TrainSettings:
     Raises
     ------
     ConfigError
-        If it trains nothing, or its checkpoint lies in no folder or is one.
+        If it trains nothing, no random numbers have its seed, or its checkpoint lies in no folder
+        or is one.
     """
 
     pairs: Path
@@ -47,6 +48,8 @@ class TrainSettings:
         for name in self.POSITIVE:
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
+        if self.seed < 0:
+            raise ConfigError(f"--seed is {self.seed}", "0 or more")
         require_file("--out", self.out)
 
     def history(self, before: str, what: str) -> str:

@@ -57,6 +57,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the cases; 0 if all were run and passed, and nothing was violated."""
     require_range(args, 1, None, "seeds", "workers")
+    require_range(args, 0, None, "minutes")
     require_folder("--keep", args.keep)
     for name in ("json", "html"):
         require_file(f"--{name}", getattr(args, name))

@@ -50,9 +50,8 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Feed frames or write one; 0 if all bounds held, else 1."""
     require_range(args, 1, None, "count", "workers")
+    require_range(args, 0, None, "seed", "show")
     require_file("--json", args.json)
-    if args.seed < 0 or (args.show or 0) < 0:
-        raise ConfigError(f"--seed {args.seed} --show {args.show}", "0 or more")
     if args.show is not None:
         return _show(args)
     line = ProgressLine()

@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     """Fly and judge; 0 if nothing grows, else 1."""
     require_range(args, 1, 6000, "minutes")
     require_range(args, 1, 60, "rate")
+    require_range(args, 0, None, "seed")
     require_file("--json", args.json)
     words = tuple(args.service.split())
     engagement_of(words)

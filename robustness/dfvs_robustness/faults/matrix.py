@@ -147,20 +147,26 @@ def read_outcomes(path: Path) -> tuple[dict[Case, Outcome], list[str]]:
     """Outcomes and violations of earlier slices, judged by the limits of today.
 
     Of a case that was run more than once, the last outcome counts.
+
+    Raises
+    ------
+    ConfigError
+        If the file holds anything else.
     """
     faults = all_faults()
     outcomes: dict[Case, Outcome] = {}
     violations: list[str] = []
-    if path.exists():
-        for line in path.read_text(encoding="utf-8").splitlines():
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
             data = json.loads(line)
             if "violation" in data:
                 violations.append(data["violation"])
-            else:
-                outcome = Outcome(**data)
-                if outcome.fault in faults:
-                    case = Case(outcome.fault, outcome.state, outcome.seed)
-                    outcomes[case] = timed(outcome, faults[outcome.fault])
+            elif (outcome := Outcome(**data)).fault in faults:
+                case = Case(outcome.fault, outcome.state, outcome.seed)
+                outcomes[case] = timed(outcome, faults[outcome.fault])
+    except (ValueError, TypeError) as error:
+        made_by = "a file of: dfvs-robustness faults --keep FILE"
+        raise ConfigError(f"{path} holds no results ({error})", made_by) from error
     return outcomes, violations
 
 

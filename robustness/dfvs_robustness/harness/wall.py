@@ -12,12 +12,12 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Mount
+from dfvs_sim.camera.sensor import SensorNoise
 
 WALL_NORTH_M = 3.0
 PX_PER_M = 50.0
 _WIDTH_M, _HEIGHT_M = 14.0, 11.0
 _NOISE_LEVELS = 2.0
-_PATTERNS = 4
 _RAMP_M = 9.0
 """Width over which the ramp goes from black to full colour."""
 
@@ -81,8 +81,7 @@ class Wall:
         self._texture_to_metres = np.array(
             [[scale, 0, -width * scale / 2], [0, scale, -height * scale / 2], [0, 0, 1.0]]
         )
-        shape = (_PATTERNS, camera.height, camera.width, 3)
-        self._noise = np.rint(rng.normal(0.0, _NOISE_LEVELS, shape)).astype(np.int16)
+        self._noise = SensorNoise.make(camera.size, _NOISE_LEVELS, rng)
         self._rng = rng
 
     def render(self, pose: Pose) -> ImageArray:
@@ -104,8 +103,4 @@ class Wall:
 
     def capture(self, pose: Pose) -> ImageArray:
         """Image with noise: no two are the same."""
-        pattern = self._noise[self._rng.integers(_PATTERNS)]
-        height, width = pattern.shape[:2]
-        shift = (int(self._rng.integers(height)), int(self._rng.integers(width)))
-        noisy = self.render(pose).astype(np.int16) + np.roll(pattern, shift, axis=(0, 1))
-        return np.asarray(np.clip(noisy, 0, 255), np.uint8)
+        return self._noise.apply(self.render(pose), self._rng)

@@ -11,7 +11,6 @@ import zenoh
 from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.messages.frame import FORMAT_NAMES
@@ -28,6 +27,7 @@ from dfvs_sim.options import (
     camera_from,
     parse_numbers,
     renderer_from,
+    require_range,
 )
 
 _EPILOG = """examples:
@@ -83,8 +83,11 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
-    if not 0.1 <= args.rate <= 240:
-        raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
+    require_range(args, 0.1, 240, "rate")
+    require_range(args, 0, 255, "noise")
+    require_range(args, 0, None, "seed")
+    require_range(args, 1, 65535, "share")
+    require_range(args, 1, 250, "system_id")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))
     T_scene_local = _origin(args.origin)
     config = MockCameraConfig(
@@ -96,11 +99,11 @@ def run(args: argparse.Namespace) -> int:
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
         session = stack.enter_context(open_session("peer", (args.connect,)))
+        publish, key = _publisher(args, config, session)
         tracker = PoseTracker(link, log)
         log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
         poses = tracker.camera_poses(T_scene_local, mount.T_body_camera())
-        publish, key = _publisher(args, config, session)
         log(f"camera: publishing on {key}")
         stop = stop_event()  # what waits until here is ended by the signal itself
         MockCamera(config, renderer, poses, publish).run(stop)

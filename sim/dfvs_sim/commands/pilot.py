@@ -10,6 +10,7 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M, Pilot
 from dfvs_sim.ground.sharing import DEFAULT_PORT
+from dfvs_sim.options import require_range
 from dfvs_sim.vehicle.modes import Mode
 
 _WORDS = {
@@ -60,6 +61,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do what the words say; exit code 0 when the vehicle did it."""
+    require_range(args, 1, 250, "system_id")
     if args.words:
         parse(args.words)  # an error in the words comes before the wait for a vehicle
     with GroundLink(args.mavlink, args.system_id) as link:

@@ -25,6 +25,7 @@ _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl
 """
 
+_MOST_GROUND_M = 1000.0
 _REPLACED = ("--velocity-noise", "--position-drift")
 """Options that ``--estimate`` replaces."""
 
@@ -97,7 +98,7 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
     Raises
     ------
     ConfigError
-        If a list of numbers or a grade cannot be read.
+        If a list of numbers or a grade cannot be read, or a number is out of range.
     """
     for old in _REPLACED:
         if getattr(args, old.removeprefix("--").replace("-", "_"), None) is not None:
@@ -105,6 +106,10 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
     x, y, z, yaw_deg = parse_numbers(args.start, "--start", 4)
     wind, (north, east) = parse_wind(args.wind)
     require_range(args, 1, 250, "system_id")
+    require_range(args, 1, 65535, "companion_port", "gcs_port")
+    require_range(args, 0, 65535, "companion_local_port", "gcs_local_port")
+    require_range(args, 0, None, "seed", "ready_after")
+    require_range(args, -_MOST_GROUND_M, _MOST_GROUND_M, "ground_z")
     return ProcessConfig(
         companion=UdpPorts(args.companion_local_port, args.companion_port),
         ground=UdpPorts(args.gcs_local_port, args.gcs_port),

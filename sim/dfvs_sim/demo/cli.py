@@ -8,7 +8,6 @@ from pathlib import Path
 
 from dfvs_common.command_line import program_parser, require_file
 from dfvs_common.lifecycle import run_command
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.demo.fleet import MOST_VEHICLES
 from dfvs_sim.demo.flight.camera_link import CAMERAS
@@ -109,12 +108,13 @@ def _parser() -> argparse.ArgumentParser:
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be flown, and settle what other options decide."""
     require_range(args, 1, MOST_VEHICLES, "vehicles")
+    require_range(args, 1, 251 - args.vehicles, "system_id")  # of the first vehicle
     require_range(args, 1, None, "runs", "timeout", "ready")
+    require_range(args, 0, None, "seed")
     Topics(args.name)
     if args.rate is None:
         args.rate = SHARED_RATE_HZ if is_shared(args.vehicles) else RATE_HZ
-    if not 0.1 <= args.rate <= 240:
-        raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
+    require_range(args, 0.1, 240, "rate")
     require_file("--json", args.json)
     check_autopilot(args)
     conditions_from(args)

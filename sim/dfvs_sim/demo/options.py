@@ -126,8 +126,7 @@ def add_autopilot_options(parser: argparse.ArgumentParser) -> None:
 
 def check_autopilot(args: argparse.Namespace) -> None:
     """Refuse these options, and those that only the simulated vehicle has, if they do not agree."""
-    if args.system_id is not None:
-        require_range(args, 1, 250, "system_id")
+    require_range(args, 1, 250, "system_id")
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
     for name in ("autopilot", "ground"):

@@ -91,6 +91,7 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(trained, tm
         ("train-depth --from f.pt --pairs PAIRS --out x.pt --minutes 0", "minutes is 0.0"),
         ("train-depth --from f.pt --pairs PAIRS --out x.pt --threads -1", "threads is -1"),
         ("train-pose --network saxena --pairs . --out x.pt --minutes 0", "minutes is 0.0"),
+        ("train-pose --network saxena --pairs . --out x.pt --seed -1", "--seed is -1"),
         ("train-pose --network bateux --pairs . --out x.pt", "--from CHECK"),
         ("pose --checkpoint nowhere.pt --out b", "no weights at nowhere.pt"),
     ],

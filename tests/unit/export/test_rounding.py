@@ -1,4 +1,4 @@
-"""Rounding of the weights of ONNX files."""
+"""Rounding of the weights of ONNX files, and files that are none."""
 
 import zlib
 
@@ -8,7 +8,9 @@ import pytest
 from onnx import numpy_helper
 from onnx_network import NetworkBuilder
 
+from dfvs_core.errors import ModelError
 from dfvs_export.bundles.tracing import round_weights
+from dfvs_export.commands.check import operators
 
 VALUES = np.random.default_rng(1).normal(size=(40, 50)).astype(np.float32)
 VALUES[0, :3] = 0.0, 1e-30, -65504.0
@@ -41,3 +43,8 @@ def test_rounded_weights_stay_as_they_are_and_compress_better(data):
     assert round_weights(once) == once
     assert len(once) == len(data)
     assert len(zlib.compress(once)) < 0.9 * len(zlib.compress(data))
+
+
+def test_a_file_that_is_no_network_is_named():
+    with pytest.raises(ModelError, match="is not valid ONNX"):
+        operators({"manifest.json": b"{}", "encode.onnx": b"no network"})

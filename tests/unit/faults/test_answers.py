@@ -52,22 +52,19 @@ def test_an_answer_is_judged_by_the_state_in_which_the_command_arrives(
     assert (answer_problem(action, states, [answer]) == "") is is_true
 
 
-def test_what_is_answered_in_time_once_and_truly_passes():
-    assert times().passed
-
-
 @pytest.mark.parametrize(
-    "measured",
+    ("measured", "passed"),
     [
-        times(answer_ms=501.0),
-        times(problem="2 answers"),
-        times(rate=dataclasses.replace(RATE, rate_hz=8.9)),
-        times(rate=dataclasses.replace(RATE, largest_gap_ms=301.0)),
+        (times(), True),
+        (times(answer_ms=501.0), False),
+        (times(problem="2 answers"), False),
+        (times(rate=dataclasses.replace(RATE, rate_hz=8.9)), False),
+        (times(rate=dataclasses.replace(RATE, largest_gap_ms=301.0)), False),
     ],
-    ids=["late", "twice", "seldom", "gap"],
+    ids=["all well", "late", "twice", "seldom", "gap"],
 )
-def test_what_is_not_does_not(measured):
-    assert not measured.passed
+def test_what_is_answered_in_time_once_and_truly_passes(measured, passed):
+    assert measured.passed is passed
 
 
 def test_one_late_answer_in_two_hundred_is_within_99_of_100():

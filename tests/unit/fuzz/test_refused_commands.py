@@ -19,6 +19,7 @@ FOLDER_FOR_FILE = ("answers", "faults", "fuzz commands", "fuzz frames", "fuzz ga
         ("fuzz frames", "--seed", -1),
         ("fuzz frames", "--show", -1),
         ("soak", "--rate", 0.5),
+        ("soak", "--seed", -1),
         ("soak", "--minutes", 0),
         ("soak", "--minutes", "nan"),
         ("soak", "--minutes", "1e9"),
@@ -27,6 +28,7 @@ FOLDER_FOR_FILE = ("answers", "faults", "fuzz commands", "fuzz frames", "fuzz ga
         ("answers", "--json", "no/such/folder/a.json"),
         *((command, "--json", ".") for command in FOLDER_FOR_FILE),
         ("faults", "--html", "."),
+        ("faults", "--minutes", "nan"),
     ],
 )
 def test_an_impossible_option_is_named(command, option, value, refused, tmp_path, monkeypatch):
@@ -55,3 +57,11 @@ def test_a_file_that_holds_no_answer_times_is_named(text, refused, tmp_path):
     path.write_text(text)
     words = ("faults", "--minutes", 0, "--answers", path)
     assert f"{path} holds no answer times" in refused(main, *words)
+
+
+@pytest.mark.parametrize("text", ["I1: x", "1", "[1]", '{"fault": "black"}', '{"f', "\xff"])
+def test_a_file_that_holds_no_results_of_the_matrix_is_named(text, refused, tmp_path):
+    path = tmp_path / "runs.jsonl"
+    path.write_text(f'{{"violation": "I1: x"}}\n{text}', encoding="latin-1")
+    words = ("faults", "--minutes", 0, "--keep", path)
+    assert f"{path} holds no results" in refused(main, *words)

@@ -10,7 +10,7 @@ from dfvs_rooms.generator.props import curtain, framed_artwork, palm
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import box, cushion, disc, lathe, panel, sphere, tube
 from dfvs_rooms.lighting.bake import exposed, filled, smoothed
-from dfvs_rooms.lighting.path_traced import BakeError, BakeSettings, measure_irradiance
+from dfvs_rooms.lighting.path_traced import BakeSettings, measure_irradiance
 from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, WIDTH_M, room_parts
 from dfvs_rooms.surfaces.materials import Material
 
@@ -137,10 +137,6 @@ class TestLight:
         noisy = shadow * (1 + 0.04 * rng.normal(size=(len(shadow), 1)))
         clean = smoothed(part, noisy)
         assert np.abs(clean / shadow - 1).mean() < 0.4 * np.abs(noisy / shadow - 1).mean()
-
-    def test_needs_a_sensible_number_of_samples(self):
-        with pytest.raises(BakeError, match="0 light paths"):
-            BakeSettings(samples=0)
 
 
 def test_exposure_goes_by_the_walls_that_light_falls_on():

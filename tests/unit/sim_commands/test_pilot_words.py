@@ -1,10 +1,12 @@
 """Words of ``dfvs-sim pilot``."""
 
+from collections.abc import Callable
 from typing import cast
 
 import pytest
 
 from dfvs_core.errors import ConfigError
+from dfvs_sim.cli import main
 from dfvs_sim.commands.pilot import execute_lines, parse
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.vehicle.modes import Mode
@@ -48,6 +50,10 @@ class ScriptedPilot:
 def test_what_is_no_word_is_refused_with_what_was_expected(words: str) -> None:
     with pytest.raises(ConfigError, match=r"expected (arm, takeoff|0.5 to 20 m)"):
         parse(words.split() or [""])
+
+
+def test_a_system_id_that_no_vehicle_has_is_refused(refused: Callable[..., str]) -> None:
+    assert "--system-id is 999" in refused(main, "pilot", "--system-id", "999", "status")
 
 
 def test_every_line_is_done_in_its_order_and_its_outcome_printed(

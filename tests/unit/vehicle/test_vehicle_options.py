@@ -41,6 +41,13 @@ def test_wind_takes_a_velocity_as_well() -> None:
         (("--velocity-noise", "0.02"), "--estimate"),
         (("--position-drift", "0.02"), "--estimate"),
         (("--system-id", "300"), "1 to 250"),
+        (("--companion-port", "0"), "1 to 65535"),
+        (("--gcs-port", "65536"), "1 to 65535"),
+        (("--companion-local-port", "-1"), "0 to 65535"),
+        (("--gcs-local-port", "70000"), "0 to 65535"),
+        (("--seed", "-1"), "0 or more"),
+        (("--ready-after", "nan"), "0 or more"),
+        (("--ground-z", "nan"), "-1000 to 1000"),
         *((("--start", start), "4 numbers") for start in ("1,2,3", "a,b,c,d", "0,0,0,nan")),
     ],
 )
