@@ -256,8 +256,6 @@ class GroundLink:
                     data, sender = sock.recvfrom(65535, socket.MSG_DONTWAIT)
                 except BlockingIOError:
                     break
-                except ConnectionRefusedError:  # the vehicle is not there yet, or is gone
-                    continue
                 if sock is self._socket:
                     self._on_datagram(data, sender)
 
