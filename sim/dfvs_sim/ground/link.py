@@ -160,6 +160,8 @@ class GroundLink:
     def wait_for_vehicle(self, timeout_s: float) -> None:
         """Wait for the vehicle's heartbeat, and for those of others where no id tells ours.
 
+        Its mode and whether it is armed are known from then on.
+
         Raises
         ------
         LinkError
@@ -167,7 +169,7 @@ class GroundLink:
         """
         autopilots = self._autopilots
         with self._changed:
-            if not self._changed.wait_for(lambda: autopilots.chosen is not None, timeout_s):
+            if not self._changed.wait_for(lambda: "HEARTBEAT" in self._latest, timeout_s):
                 raise autopilots.silence_error(self.url, timeout_s)
             if autopilots.wanted is None:
                 listened_s = (time.monotonic_ns() - autopilots.chosen_ns) * 1e-9
@@ -254,8 +256,6 @@ class GroundLink:
                     data, sender = sock.recvfrom(65535, socket.MSG_DONTWAIT)
                 except BlockingIOError:
                     break
-                except ConnectionRefusedError:  # the vehicle is not there yet, or is gone
-                    continue
                 if sock is self._socket:
                     self._on_datagram(data, sender)
 

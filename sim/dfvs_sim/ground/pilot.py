@@ -84,7 +84,7 @@ class Pilot:
             self._log(f"the pilot changes {' and '.join(changed)}")
 
     def wait_until_armable(self) -> None:
-        """Wait for the checks before arming.
+        """Wait for the checks before arming, where the vehicle is not armed yet.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class Pilot:
         """
         self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
-        ready = self._link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed)
+        ready = self.armed() or self._link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed)
         if ready is None:
             raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
         if self._link.wait_for("HOME_POSITION", _ARMABLE_S) is None:
@@ -120,8 +120,8 @@ class Pilot:
         self._confirm("arming", lambda m: bool(m.base_mode & _ARMED))
 
     def _select_arming_mode(self) -> None:
-        """Select Hold on the ground where the present mode, such as Land, cannot be armed."""
-        if not self.armed() and self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
+        """Select Hold before arming: other modes cannot be armed, or take off once armed."""
+        if not self.armed() and self.mode() is not Mode.HOLD:
             self.set_mode(Mode.HOLD)
 
     def take_off(self, height_m: float) -> None:

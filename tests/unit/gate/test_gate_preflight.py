@@ -60,12 +60,6 @@ def test_no_frames_are_refused_with_perceptions_own_reason():
     assert "no report yet" in gate.machine.reason
 
 
-def test_a_battery_limit_of_zero_asks_for_no_battery():
-    gate = Rehearsal(pilot_config(min_battery=0.0))
-    gate.vehicle.battery = None
-    gate.until(GateState.READY)
-
-
 def test_a_message_that_never_came_is_named():
     gate = Rehearsal(pilot_config())
     machine = GateMachine(gate.config, gate.now_ns)
@@ -75,12 +69,6 @@ def test_a_message_that_never_came_is_named():
     reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
     assert reasons.pop("frames").startswith("1.0 a second")
     assert reasons == {"link": "vehicle's telemetry lost, landed state, none heard yet"}
-
-
-def test_advice_on_parameters_does_not_refuse():
-    gate = Rehearsal(pilot_config())
-    gate.tick(ParametersRead(gate.now_ns, ("COM_OF_LOSS_T is 1; 0.5 is advised",)))
-    gate.until(GateState.READY)
 
 
 def test_a_check_that_fails_for_a_moment_starts_the_second_anew():

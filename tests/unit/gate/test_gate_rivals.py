@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from gate_rehearsal import NO_CHECK, Rehearsal, auto_config, pilot_config
+from gate_rehearsal import Rehearsal, auto_config, flying, pilot_config
 
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
@@ -20,10 +20,6 @@ from dfvs_core.gate.other_commanders import (
     OtherCommanders,
 )
 from dfvs_core.gate.states import Cause, GateState
-
-
-def flying(**changes):
-    return Rehearsal(NO_CHECK, **changes).until(GateState.SERVO).run(1.1)
 
 
 def target(gate, velocity=(0.5, 0.5, 0.0)):
@@ -62,7 +58,7 @@ def test_a_service_that_stands_by_does_not_end_a_flight_one_that_is_engaged_does
 
 @pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
 def test_a_foreign_setpoint_aborts_at_once(state):
-    gate = Rehearsal(NO_CHECK).until(GateState.SERVO).run(1.1)
+    gate = flying()
     if state is GateState.ENGAGE:
         gate = Rehearsal(auto_config()).until(GateState.ENGAGE)
     if state is GateState.HOLD:

@@ -87,6 +87,32 @@ def test_a_flight_that_ends_with_the_link_takes_nothing_from_a_pilot():
     assert not gate.requests
 
 
+@pytest.mark.parametrize("beat_s", [0.0, 0.3, 0.6, 0.9])
+def test_with_the_downlink_alone_lost_no_hold_takes_the_vehicle_from_a_pilot(beat_s):
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.mode = VehicleMode.OFFBOARD
+    gate.until(GateState.SERVO).run(1.0 + beat_s).forget()
+    lose_the_link(gate)
+    gate.run(0.2)
+    gate.vehicle.mode = VehicleMode.POSITION
+    gate.run(3.0)
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.TELEMETRY_LOST)
+    assert not gate.requests
+    assert gate.machine.is_finished
+
+
+def test_a_link_that_returns_in_time_is_asked_for_hold_once():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(1.0).forget()
+    lose_the_link(gate)
+    gate.until(GateState.ABORT, 0.6)
+    gate.vehicle.sends_attitude = True
+    gate.run(0.3)
+    assert not gate.requests
+    gate.vehicle.sends_heartbeat = True
+    gate.run(1.0)
+    assert [r for _, r in gate.requests] == [ModeRequest.HOLD]
+
+
 def test_an_abort_right_after_a_short_silence_takes_nothing_from_a_pilot():
     gate = in_servo()
     gate.beat()

@@ -43,6 +43,17 @@ def test_a_system_id_tells_two_vehicles_apart() -> None:
         assert second.hears_something()
 
 
+def test_the_vehicle_s_heartbeat_is_known_once_the_vehicle_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whoever takes a mode that is not known for another one takes the vehicle from its pilot."""
+    with GroundLink("udpin://127.0.0.1:0", system_id=7) as link, Autopilot(7, link.port) as vehicle:
+        monkeypatch.setattr(link, "_send_heartbeat", lambda: time.sleep(0.1))
+        vehicle.beat()
+        link.wait_for_vehicle(20.0)
+        assert link.latest("HEARTBEAT") is not None
+
+
 def test_a_vehicle_with_another_system_id_is_named_in_the_error() -> None:
     with GroundLink("udpin://127.0.0.1:0", system_id=3) as link, Autopilot(7, link.port) as other:
         other.beat()

@@ -39,8 +39,3 @@ def test_ned_velocity_with_yaw_is_not_turned() -> None:
     assert demand.velocity == (1.0, 2.0, 3.0)
     assert demand.yaw_rad == 0.5
     assert math.isnan(demand.yaw_rate_rad_s)
-
-
-@pytest.mark.parametrize("ignored", [8, 16, 32])
-def test_one_ignored_velocity_axis_takes_the_whole_velocity_away(ignored: int) -> None:
-    assert demand_from_setpoint(setpoint(BODY_NED, 0x5C7 | ignored, (1.0, 1.0, 1.0)), 0.0) is None

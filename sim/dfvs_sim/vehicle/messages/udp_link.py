@@ -56,8 +56,6 @@ class UdpLink:
                 data, sender = self.socket.recvfrom(65535)
             except BlockingIOError:
                 break
-            except ConnectionRefusedError:  # nobody listens there yet
-                continue
             found = [m for m in self._parser.parse_buffer(data) or () if m.get_type() != "BAD_DATA"]
             if found and not self._is_connected:
                 self._remote, self._is_connected = sender, True
@@ -72,7 +70,7 @@ class UdpLink:
         """Send a message that is packed already, such as another component's."""
         try:
             self.socket.sendto(data, self._remote)
-        except (BlockingIOError, ConnectionRefusedError):
+        except BlockingIOError:
             return
 
     def close(self) -> None:
