@@ -170,7 +170,7 @@ def _verdict(states: Sequence[StateChange], is_reached: bool) -> str:
         return "the goal was reached"
     if not states:
         return "the gate was not heard"
-    return f"the recording ends in {states[-1].state}: {states[-1].cause}"
+    return f"the recording ends in {states[-1].state}: {states[-1].cause}".removesuffix(": ")
 
 
 def _view(t_s: float, image: ImageArray, replay: FlightReplay | None) -> FlightView:

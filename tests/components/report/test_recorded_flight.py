@@ -57,15 +57,16 @@ def test_the_goal_is_the_one_of_the_time(source, flight):
 
 
 @pytest.mark.parametrize(
-    ("state", "is_reached", "verdict"),
+    ("state", "is_reached", "cause", "verdict"),
     [
-        ("HOLD", False, "the recording ends in HOLD: tested"),
-        ("ABORT", True, "the goal was reached"),
+        ("HOLD", False, "tested", "the recording ends in HOLD: tested"),
+        ("IDLE", False, "", "the recording ends in IDLE"),
+        ("ABORT", True, "tested", "the goal was reached"),
     ],
 )
-def test_the_verdict_is_that_of_the_last_status(state, is_reached, verdict, tmp_path):
+def test_the_verdict_is_that_of_the_last_status(state, is_reached, cause, verdict, tmp_path):
     """A goal was reached; what follows is about another one, or about the same."""
-    told = [("SERVO", False), ("DONE", True), (state, is_reached)]
+    told = [("SERVO", False), ("DONE", True), (state, is_reached, cause)]
     opening, *records = fly(np.random.default_rng(7), len(told)).events
     events = [(heard(m, *says), data) for (m, data), says in zip(records, told, strict=True)]
     summary = RecordedFlight([write_recording(tmp_path, [opening, *events])]).read().summary
