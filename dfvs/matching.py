@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
@@ -91,12 +92,17 @@ def match_images(
     >>> round(float(np.median(at_second[:, 0] - at_first[:, 0])), 1)
     12.0
     """
-    flow = matcher.match(matcher.encode(first), matcher.encode(second))
+    encoded = matcher.encode(first), matcher.encode(second)
+    (height, width), size = first.shape[:2], second.shape[:2]
+    if size != (height, width):
+        raise ImageError(
+            f"images of {width} x {height} and {size[1]} x {size[0]} px", "one size for both"
+        )
+    flow = matcher.match(*encoded)
     pose = None
     if camera is not None:
         second_camera = second_camera or camera
         camera.check_size(first, "the first image")
         second_camera.check_size(second, "the second image")
         pose = relative_pose(flow, camera, second_camera)
-    height, width = first.shape[:2]
     return ImageMatch(flow_at_size(flow, (height, width)), pose)

@@ -174,15 +174,20 @@ class CameraModel:
         )
 
     def normalise(self, pixels: FloatArray) -> FloatArray:
-        """Undistorted normalised coordinates (..., 2) of pixels (..., 2)."""
+        """Undistorted normalised coordinates (..., 2) of pixels (..., 2), always finite.
+
+        Outside of the image of a lens, where there may be no such ray, they mean nothing.
+        """
         pixels = np.asarray(pixels, dtype=np.float64)
+        distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         if not self.distortion:
-            return (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+            return distorted
         flat = np.ascontiguousarray(pixels.reshape(-1, 1, 2))
         out = cv2.undistortPoints(
             flat, self.matrix, np.array(self.distortion), None, None, None, _UNDISTORT_CRITERIA
         )
-        return np.asarray(out, dtype=np.float64).reshape(pixels.shape)
+        xy = np.asarray(out, dtype=np.float64).reshape(pixels.shape)
+        return np.where(np.isfinite(xy), xy, distorted)
 
     def project(self, points: FloatArray) -> FloatArray:
         """Pixels (..., 2) of points (..., 3) m in the optical frame with positive z."""

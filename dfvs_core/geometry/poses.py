@@ -119,9 +119,11 @@ def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Fl
 
 
 def euler_from_rotation(R_world_body: FloatArray) -> tuple[float, float, float]:
-    """(roll, pitch, yaw) in rad of R : (3, 3); pitch in [-pi/2, pi/2]."""
+    """(roll, pitch, yaw) in rad of R : (3, 3); pitch in [-pi/2, pi/2], at whose ends roll is 0."""
     R = R_world_body
     pitch = float(np.arcsin(np.clip(-R[2, 0], -1.0, 1.0)))
+    if np.hypot(R[2, 1], R[2, 2]) < _SMALL_ANGLE_RAD:  # roll and yaw turn about one axis
+        return 0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))
     roll = float(np.arctan2(R[2, 1], R[2, 2]))
     yaw = float(np.arctan2(R[1, 0], R[0, 0]))
     return roll, pitch, yaw

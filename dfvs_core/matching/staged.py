@@ -27,7 +27,9 @@ class StagedImage(ImageFeatures, Generic[Features]):
         self._image = resized(image, features_size)
         self._points = points
         self._features: Features | None = None
-        grey = cast(ImageArray, cv2.cvtColor(self._image, cv2.COLOR_RGB2GRAY))
+        enlarges = self.size[1] > features_size[1]
+        shown = image if enlarges else self._image
+        grey = cast(ImageArray, cv2.cvtColor(shown, cv2.COLOR_RGB2GRAY))
         self.grey = resized(grey, self.size)
 
     @property

@@ -41,6 +41,11 @@ class Attitude:
     pitch_rad: float = 0.0
     yaw_rad: float = 0.0
 
+    def corrected(self, error_rad: tuple[float, float]) -> Attitude:
+        """Attitude without an estimated error of roll and pitch (2,), rad."""
+        roll, pitch = self.roll_rad - error_rad[0], self.pitch_rad - error_rad[1]
+        return Attitude(roll, pitch, self.yaw_rad)
+
 
 @dataclass(frozen=True, slots=True)
 class EarlierMatch:
@@ -95,6 +100,7 @@ class ServoInputs:
 class LastFrame:
     """What is kept of a frame: capture time, attitude, velocity (d,) and the samples of its flow.
 
+    The attitude is that which was reported, less ``ServoState.attitude_error_rad``.
     ``position`` (3,) is the goal's, in units, as it was measured; None where it was not.
     """
 
@@ -139,8 +145,10 @@ class ServoState:
         """
         last = self.last
         if last is not None:  # the next flow leads to another image
-            unknown = np.zeros_like(last.samples.confidence)
-            last = replace(last, samples=replace(last.samples, confidence=unknown), position=None)
+            unknown = replace(last.samples, confidence=np.zeros_like(last.samples.confidence))
+            roll, pitch = self.attitude_error_rad
+            reported = last.attitude.corrected((-roll, -pitch))
+            last = replace(last, attitude=reported, samples=unknown, position=None)
         depth_map = self.depth_map
         measured = 0 if depth_map is None else np.count_nonzero(depth_map.measured)
         return ServoState(

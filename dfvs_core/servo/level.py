@@ -55,12 +55,6 @@ def level_rotation(task: ServoTask, attitude: Attitude) -> FloatArray:
     return np.eye(3) if task.mount is None else _rotations(task, attitude)[0]
 
 
-def corrected(attitude: Attitude, error_rad: tuple[float, float]) -> Attitude:
-    """Attitude without an estimated error of roll and pitch (2,), rad."""
-    roll, pitch = attitude.roll_rad - error_rad[0], attitude.pitch_rad - error_rad[1]
-    return Attitude(roll, pitch, attitude.yaw_rad)
-
-
 def attitude_error(
     task: ServoTask, points: ServoPoints, pose: GoalPose, error_rad: tuple[float, float]
 ) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from dfvs_core.servo.exchange import (
 )
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
-from dfvs_core.servo.level import attitude_error, corrected, level_points
+from dfvs_core.servo.level import attitude_error, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
 from dfvs_core.servo.points import LEAST_POINTS, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
@@ -64,7 +64,7 @@ def servo_step(
     state = state.without_old_depth(inputs.t_capture_ns)
     a = inputs.attitude
     R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
-    inputs = replace(inputs, attitude=corrected(a, state.attitude_error_rad))
+    inputs = replace(inputs, attitude=a.corrected(state.attitude_error_rad))
 
     # 1. Carry the estimate on to this frame by the odometry.
     dt_s = elapsed_s(inputs, state)

@@ -15,7 +15,7 @@ from dfvs_core.servo.goal_filter import (
     predict,
     update,
 )
-from dfvs_core.servo.level import corrected, level_rotation
+from dfvs_core.servo.level import level_rotation
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.task import ServoTask
 
@@ -64,7 +64,7 @@ def _odometry(task: ServoTask, state: ServoState, inputs: ServoInputs) -> Odomet
     velocity_m_s = 0.5 * (velocity_then[:3] + R @ velocity[:3])
     # The odometry told the displacement by the attitude that it reported.
     roll, pitch = state.attitude_error_rad
-    R_level = level_rotation(task, corrected(then, (-roll, -pitch)))
+    R_level = level_rotation(task, then.corrected((-roll, -pitch)))
     return OdometryDelta(dt_s, R_level @ displacement_m, velocity_m_s, R)
 
 

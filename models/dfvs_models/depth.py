@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.depth.network import NetworkDepth
-from dfvs_core.errors import ImageError, ModelError
+from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.network_tensors import ImageInput
@@ -77,7 +77,8 @@ class DepthNetwork:
             )
         self._input, self._meaning = manifest.input, manifest.depth
         self._graph = OnnxGraph(bundle, "mono", execution)
-        self._check_tensors()
+        image = (1, self._input.channel_count, self._input.height, self._input.width)
+        self._graph.require_shapes((image, FOCAL_SHAPE)[: len(self._graph.inputs)])
         self._try_out()
 
     @property
@@ -93,11 +94,7 @@ class DepthNetwork:
         ImageError
             If the image is not the camera's.
         """
-        if image.shape != (camera.height, camera.width, 3) or image.dtype != np.uint8:
-            raise ImageError(
-                f"image is {image.dtype} of {image.shape}",
-                f"uint8 of {(camera.height, camera.width, 3)}",
-            )
+        camera.check_size(image, "the image")
         fitted = fit_image(image, camera, self._input)
         raw = self._run(fitted)
         depth = self._in_image(raw[0][0], fitted, image.shape[:2])
@@ -130,18 +127,9 @@ class DepthNetwork:
         found = cv2.remap(values, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(found, np.float32)
 
-    def _check_tensors(self) -> None:
-        said = self._graph.said
-        image = (1, self._input.channel_count, self._input.height, self._input.width)
-        shapes = (image, FOCAL_SHAPE)[: len(said.inputs)]
-        wanted = [(n, "tensor(float)", s) for n, s in zip(said.inputs, shapes, strict=True)]
-        found = [(spec.name, spec.element, spec.shape) for spec in self._graph.inputs]
-        if found != wanted:
-            raise ModelError(f"{said.file!r} has the inputs {found}", f"{wanted}")
-        self._graph.require_outputs()
-
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
+        self._graph.require_outputs()
         stride = self._meaning.stride
         shape = (1, self._input.height // stride, self._input.width // stride)
         outputs = self._run(trial_view(self._input))

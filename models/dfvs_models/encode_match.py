@@ -219,14 +219,13 @@ class EncodeMatchPoints:
 
     def _check_tensors(self) -> None:
         """Check names, and that images and keypoints have the shapes that they have to have."""
-        for graph in (self._encode, self._match):
+        for graph, outputs in ((self._encode, 3), (self._match, 2)):
             graph.require_inputs()
             graph.require_outputs()
-        for role, outputs in (("encode", 3), ("match", 2)):
-            said = self._manifest.graphs[role]
+            said = graph.said
             if len(said.outputs) != outputs:
                 raise ModelError(
-                    f"graph {role!r} has the outputs {said.outputs}", f"{outputs} of them"
+                    f"{said.file!r} has the outputs {said.outputs}", f"{outputs} of them"
                 )
         shape = (1, 1, self._input.height, self._input.width)
         actual = [(spec.element, spec.shape) for spec in self._encode.inputs]
@@ -259,15 +258,5 @@ class EncodeMatchPoints:
                 f"what 'encode' gives, of any number of keypoints (0): {given}",
             )
         shape = tensors[0].shape[:2]
-        points, confidence = self._match.run(list(feeds.values()))
-        if points.shape != (*shape, 2) or confidence.shape != shape:
-            raise ModelError(
-                f"graph 'match' gives {points.shape} and {confidence.shape}",
-                f"{(*shape, 2)} and {shape}",
-            )
-        if not (np.isfinite(points).all() and np.isfinite(confidence).all()):
-            raise ModelError(
-                "graph 'match' gives values that are not finite",
-                "finite points and confidence",
-                "its weights are damaged",
-            )
+        outputs = self._match.run(list(feeds.values()))
+        self._match.require_values(outputs, [(*shape, 2), shape], "finite points and confidence")

@@ -125,7 +125,6 @@ class OnnxGraph:
                 f"ONNX Runtime fell back to {', '.join(used)} for {name!r}", execution.provider
             )
         self.inputs = tuple(_spec(name, t, free_axes) for t in self._session.get_inputs())
-        self.output_names = tuple(tensor.name for tensor in self._session.get_outputs())
 
     def run(self, tensors: Sequence[Float32Array]) -> list[Float32Array]:
         """Run the graph on tensors in the order of ``inputs``; give the outputs of the manifest.
@@ -183,7 +182,8 @@ class OnnxGraph:
         ModelError
             Naming the outputs.
         """
-        if missing := sorted(set(self.said.outputs) - set(self.output_names)):
+        outputs = {tensor.name for tensor in self._session.get_outputs()}
+        if missing := sorted(set(self.said.outputs) - outputs):
             raise ModelError(f"{self.said.file!r} lacks the outputs {missing}")
 
     def require_values(

@@ -98,28 +98,14 @@ class PairMatcher:
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        name, (output,) = self._graph.said.file, self._graph.said.outputs
-        if output not in self._graph.output_names:
-            raise ModelError(
-                f"{name!r} has the outputs {list(self._graph.output_names)}",
-                f"one named {output!r}",
-            )
-        size = (self._input.height, self._input.width)
-        pixels = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
-        image = PairImage(pixels, self._input)
-        (raw,) = self._graph.run(pair_tensors(image.tensor, image.tensor, self._input))
-        expected = (1, 2, size[0] // self._flow.stride, size[1] // self._flow.stride)
-        if raw.shape != expected or raw.dtype != np.float32:
-            raise ModelError(
-                f"output {output!r} of {name!r} is {raw.dtype} of {raw.shape}",
-                f"float32 of {expected}",
-            )
-        if not np.isfinite(raw).all():
-            raise ModelError(
-                f"{name!r} gives values that are not finite",
-                "finite flow",
-                "its weights are damaged",
-            )
+        self._graph.require_outputs()
+        width, height, stride = self._input.width, self._input.height, self._flow.stride
+        pixels = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
+        tensor = image_tensor(pixels, self._input)
+        outputs = self._graph.run(pair_tensors(tensor, tensor, self._input))
+        self._graph.require_values(
+            outputs, [(1, 2, height // stride, width // stride)], "finite flow"
+        )
 
 
 class FlowPoints:

@@ -1,5 +1,7 @@
 """Group laws on random rigid motions."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -60,6 +62,12 @@ def test_a_motion_and_its_inverse_cancel(twist):
 def test_euler_angles_survive_the_round_trip(roll, pitch, yaw):
     again = euler_from_rotation(rotation_from_euler(roll, pitch, yaw))
     np.testing.assert_allclose(again, (roll, pitch, yaw), atol=1e-7)
+
+
+@pytest.mark.parametrize("quarters", list(itertools.product(range(4), repeat=3)))
+def test_a_rotation_along_the_axes_survives_too_though_the_nose_points_straight_up(quarters):
+    R = np.rint(rotation_from_euler(*(0.5 * np.pi * np.array(quarters))))
+    np.testing.assert_allclose(rotation_from_euler(*euler_from_rotation(R)), R, atol=1e-12)
 
 
 @given(rotation_vectors)

@@ -106,3 +106,11 @@ def test_the_rays_of_a_wide_lens_lead_back_to_their_pixels(focal_px):
     lens = camera((-0.3, 0.1, 0.0, 0.0), focal_px)
     pixels = lens.grid(8)
     np.testing.assert_allclose(lens.denormalise(lens.normalise(pixels)), pixels, atol=1e-3)
+
+
+def test_a_pixel_outside_of_the_image_that_no_ray_leads_to_has_finite_coordinates():
+    """Flow leads there; of a rational fit OpenCV gives what is no number."""
+    fit = (-3.87, 3.483, 0.001, 0.001, 0.503, -5.064, 1.88, 1.317)
+    lens = camera(fit, 192.0, (320, 240))
+    outside = lens.grid(8) + np.array([0.0, 20.0])
+    assert np.isfinite(lens.normalise(outside)).all()

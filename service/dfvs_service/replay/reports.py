@@ -23,7 +23,7 @@ def text_report(comparison: Comparison, reasons: Sequence[str]) -> str:
     if not comparison.is_identical and total:
         lines += [
             f"frames             {total}, {comparison.identical} identical, first difference in "
-            f"turn {comparison.first_difference}",
+            f"frame record {comparison.first_difference}",
             f"flown by           {comparison.healthy_recorded} recorded, "
             f"{comparison.healthy_replayed} replayed, {comparison.healthy_both} both",
             f"velocity           {_spread(comparison.velocity_m_s, 1.0, 'm/s')}",

@@ -172,7 +172,7 @@ REFUSED = [
     (lambda folder: write_bundle(folder) / "manifest.json", ("is not a folder",)),
     # files that were changed
     (edited('"other"', '"second"'), ("has the inputs ['current', 'other']",)),
-    (edited('["flow"]', '["motion"]'), ("one named 'motion'",)),
+    (edited('["flow"]', '["motion"]'), ("lacks the outputs ['motion']",)),
     (spoilt(lambda b: (b / "manifest.json").unlink()), ("lacks the file 'manifest.json'",)),
     (spoilt(lambda b: (b / "manifest.json").write_bytes(b" " * (1024**2 + 1))), ("too large",)),
     (spoilt(lambda b: (b / "pair.onnx").unlink()), ("lacks the file 'pair.onnx'",)),
@@ -242,7 +242,7 @@ REFUSED = [
     # output that is found wrong when the network runs for the first time
     (
         grid(match=grid_network.match_model(width=4)),
-        ("graph 'match' gives (1, 1, 4)", "expected (1, 1, 2)"),
+        ("'partners' of 'match.onnx' is float32 of (1, 1, 4)", "expected float32 of (1, 1, 2)"),
     ),
     (grid(encode=grid_network.encode_model(gain=0.0)), ("graph 'encode' finds no keypoint",)),
     (grid(encode=grid_network.encode_model(offset=np.nan)), ("not numbers",)),

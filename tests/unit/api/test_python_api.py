@@ -21,6 +21,7 @@ from dfvs_core.matching.relative_pose import relative_pose
 CAMERA = dfvs.CameraModel.from_horizontal_fov(320, 240, 1.3)
 PERIOD_NS = 100_000_000
 MOUNT = dfvs.Mount()
+TWICE = np.ones((2, 2, 1), np.uint8)
 AT_ONCE = dfvs.ServoConfig(response_s=0.0, yaw_response_s=0.0)
 MODULES = {getattr(getattr(dfvs, name), "__module__", "") for name in dfvs.__all__}
 
@@ -121,6 +122,7 @@ def test_without_odometry_the_camera_counts_as_moved_by_its_velocities(matcher, 
     ("attempt", "told"),
     [
         (lambda m, w: dfvs.match_images(m, None, w), "NoneType"),
+        (lambda m, w: dfvs.match_images(m, w, np.kron(w, TWICE)), "320 x 240 and 640 x 480 px"),
         (lambda m, w: dfvs.match_images(m, w, w, CAMERA.scaled(640, 480)), "640 x 480"),
         (lambda m, w: dfvs.Servo(m, w[:120], CAMERA), "the goal image has 320 x 120 px"),
         (lambda m, w: dfvs.Servo(m, w, CAMERA).step(w[:, :160], 0), "the frame has 160 x 240 px"),

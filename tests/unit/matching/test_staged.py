@@ -12,6 +12,7 @@ from dfvs_core.matching.correspondence import FlowField, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.staged import StagedMatcher
+from dfvs_core.matching.warping import resized
 
 MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
 TRUTH = exact_flow(MOTION)
@@ -82,6 +83,12 @@ def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures,
     for again in (matcher.track, matcher.extend):
         found = again(current, other, field)
         assert np.mean(errors(found, TRUTH)[visible] < 0.5) > 0.97
+
+
+def test_the_dense_search_sees_more_than_the_images_that_smaller_features_are_found_in(pictures):
+    grey = cv2.cvtColor(pictures[0], cv2.COLOR_RGB2GRAY)
+    prepared = StagedMatcher(KnownPoints(160)).encode(pictures[0])
+    np.testing.assert_array_equal(prepared.grey, resized(grey, (HEIGHT, WIDTH)))
 
 
 def test_features_are_encoded_once_and_for_relocalisation_only(pictures):

@@ -14,7 +14,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude
-from dfvs_core.servo.level import attitude_error, corrected, level_points, real_pose
+from dfvs_core.servo.level import attitude_error, level_points, real_pose
 from dfvs_core.servo.motion import find_goal
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.task import ServoTask
@@ -58,7 +58,7 @@ class Frames:
         flow = FlowField(self.flow.flow + cv2.resize(noise, (160, 120)), self.flow.confidence)
         samples = sample_grid(flow, self.task.config.stride_px)
         points = points_from_flow(samples, self.depth, CAMERA, CAMERA)
-        points = level_points(self.task, corrected(self.told, estimate_rad), points)
+        points = level_points(self.task, self.told.corrected(estimate_rad), points)
         points = points.select(points.weight > 0.3)
         pose = find_goal(self.task, points, None)
         return replace(points, weight=pose.weight), pose

@@ -1,5 +1,7 @@
 """What the servo carries on: its estimate to the next frame, and its memory to another goal."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,6 @@ from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, LastFrame, ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import SCALE_SPREAD, PositionMeasurement, begin
-from dfvs_core.servo.level import corrected
 from dfvs_core.servo.points import LEAST_POINTS, sample_grid
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import predict_goal
@@ -22,12 +23,24 @@ NO_FLOW = empty_flow((48, 64))
 ESTIMATE = begin(PositionMeasurement(np.array([0.0, 0.0, 1.0]), 3.0, 0.0), SCALE_SPREAD)
 
 
-def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0, attitude_error_rad=(0.0, 0.0)):
+def with_depth(measured):
+    """Memory whose depth map has so many measured points of 5 x 10."""
+    validity = np.zeros(50, np.float32)
+    validity[:measured] = 1.0
+    depth_map = DepthMap(np.full((5, 10), 3.0, np.float32), validity.reshape(5, 10))
+    return ServoState(depth_map=depth_map, depth_ns=7, estimate=ESTIMATE)
+
+
+def at_first(forward_m_s, attitude_error_rad=(0.0, 0.0)):
+    """Memory after a first frame of a vehicle that flies forward."""
+    attitude = Attitude().corrected(attitude_error_rad)
+    last = LastFrame(0, attitude, np.array([forward_m_s, 0.0, 0.0, 0.0]), sample_grid(NO_FLOW, 8))
+    return replace(with_depth(LEAST_POINTS), last=last, attitude_error_rad=attitude_error_rad)
+
+
+def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0, state=None):
     """Estimate after a frame of a vehicle that flew forward at the first velocity of the two."""
     start, end = forward_m_s
-    then = corrected(Attitude(), attitude_error_rad)
-    last = LastFrame(0, then, np.array([start, 0.0, 0.0, 0.0]), sample_grid(NO_FLOW, 8))
-    state = ServoState(estimate=ESTIMATE, last=last, attitude_error_rad=attitude_error_rad)
     inputs = ServoInputs(
         now_ns=0,
         t_capture_ns=round(FRAME_S * 1e9),
@@ -36,7 +49,7 @@ def carried_on(forward_m_s, moved_m, yaw_rad=0.0, right_m_s=0.0, attitude_error_
         attitude=Attitude(yaw_rad=yaw_rad),
         motion_m=(0.0, 0.0, moved_m),
     )
-    return predict_goal(TASK, state, inputs)[0]
+    return predict_goal(TASK, state or at_first(start), inputs)[0]
 
 
 @pytest.mark.parametrize("forward_m_s", [(0.3, 0.3), (0.3, 0.3625), (0.3, 0.0)])
@@ -56,21 +69,15 @@ def test_a_velocity_counts_in_the_axes_of_its_own_frame():
 
 def test_the_odometry_is_levelled_by_the_attitude_that_was_reported():
     """Level flight stays level, however far the goal's tilt differs from its sidecar's."""
-    slip = carried_on((0.3, 0.3), FRAME_S * 0.3, attitude_error_rad=(0.02, 0.05)).slip_m_s
-    np.testing.assert_allclose(slip, 0.0, atol=1e-9)
+    state = at_first(0.3, attitude_error_rad=(0.02, 0.05))
+    for each in (state, state.without_goal()):
+        slip = carried_on((0.3, 0.3), FRAME_S * 0.3, state=each).slip_m_s
+        np.testing.assert_allclose(slip, 0.0, atol=1e-9)
 
 
 def test_a_position_that_moves_as_no_velocity_tells_slips():
     slip = carried_on((0.3, 0.3), FRAME_S * 0.35).slip_m_s
     np.testing.assert_allclose(slip, [0.0, 0.0, 0.05], atol=1e-9)
-
-
-def with_depth(measured):
-    """Memory whose depth map has so many measured points of 5 x 10."""
-    validity = np.zeros(50, np.float32)
-    validity[:measured] = 1.0
-    depth_map = DepthMap(np.full((5, 10), 3.0, np.float32), validity.reshape(5, 10))
-    return ServoState(depth_map=depth_map, depth_ns=7, estimate=ESTIMATE)
 
 
 @pytest.mark.parametrize(
