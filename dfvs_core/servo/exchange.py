@@ -132,6 +132,13 @@ class ServoState:
     attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
 
+    @property
+    def reported_attitude(self) -> Attitude:
+        """Attitude of the last frame, of which there is one, as the odometry reported it."""
+        assert self.last is not None
+        roll, pitch = self.attitude_error_rad
+        return self.last.attitude.corrected((-roll, -pitch))
+
     def without_old_depth(self, t_capture_ns: int) -> ServoState:
         """Memory for a frame; a depth map of seconds ago shows another view."""
         if t_capture_ns - self.depth_ns <= _MEMORY_NS:
@@ -146,9 +153,8 @@ class ServoState:
         last = self.last
         if last is not None:  # the next flow leads to another image
             unknown = replace(last.samples, confidence=np.zeros_like(last.samples.confidence))
-            roll, pitch = self.attitude_error_rad
-            reported = last.attitude.corrected((-roll, -pitch))
-            last = replace(last, attitude=reported, samples=unknown, position=None)
+            attitude = self.reported_attitude
+            last = replace(last, attitude=attitude, samples=unknown, position=None)
         depth_map = self.depth_map
         measured = 0 if depth_map is None else np.count_nonzero(depth_map.measured)
         return ServoState(

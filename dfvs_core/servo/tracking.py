@@ -63,8 +63,7 @@ def _odometry(task: ServoTask, state: ServoState, inputs: ServoInputs) -> Odomet
     velocity_then = task.basis.B @ state.last.velocity
     velocity_m_s = 0.5 * (velocity_then[:3] + R @ velocity[:3])
     # The odometry told the displacement by the attitude that it reported.
-    roll, pitch = state.attitude_error_rad
-    R_level = level_rotation(task, then.corrected((-roll, -pitch)))
+    R_level = level_rotation(task, state.reported_attitude)
     return OdometryDelta(dt_s, R_level @ displacement_m, velocity_m_s, R)
 
 

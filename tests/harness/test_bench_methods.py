@@ -212,6 +212,7 @@ def test_a_method_that_goes_astray_is_stopped(room):
 
 def test_a_goal_beside_the_view_is_found_by_looking_around(room):
     aside = T_WORLD_GOAL @ make_pose(so3_exp(np.array([0.0, 1.3, 0.0])), np.array([0.2, 0, 0]))
+    # In pictures of half the size, the end hangs on the processor's rounding.
     beside = BenchTask("room", Path("room.glb"), aside, T_WORLD_GOAL, LARGE)
     lost = servo(room, "motion-depth", beside, 80)
     assert lost.end == Status.NO_OVERLAP.value

@@ -157,7 +157,8 @@ def read_outcomes(path: Path) -> tuple[dict[Case, Outcome], list[str]]:
     outcomes: dict[Case, Outcome] = {}
     violations: list[str] = []
     try:
-        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        for line in text.splitlines():
             data = json.loads(line)
             if "violation" in data:
                 violations.append(data["violation"])

@@ -93,8 +93,8 @@ class Pilot:
         """
         self._link.wait_for_vehicle(_VEHICLE_S)
         self._select_arming_mode()
-        ready = self.armed() or self._link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed)
-        if ready is None:
+        link = self._link
+        if not self.armed() and link.wait_for("SYS_STATUS", _ARMABLE_S, _can_be_armed) is None:
             raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
         if self._link.wait_for("HOME_POSITION", _ARMABLE_S) is None:
             raise self._refused("the vehicle has no home position")
