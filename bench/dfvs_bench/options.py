@@ -14,13 +14,12 @@ from dfvs_bench.trials.run import Countdown, Job, run_job, unfinished
 from dfvs_bench.trials.scenes import ASSETS, default_tasks, task_in
 from dfvs_bench.trials.tables import trial_line
 from dfvs_bench.trials.task import BenchTask, read_tasks
-from dfvs_common.command_line import require_file, require_folder
+from dfvs_common.command_line import require_file, require_folder, require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.options import require_range
 from dfvs_sim.scene.glb import load_glb
 
 _T = TypeVar("_T")

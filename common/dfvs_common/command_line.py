@@ -1,6 +1,7 @@
 """Command lines of several commands: parsing, output paths, exit codes, one-line errors."""
 
 import argparse
+import math
 import os
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
@@ -63,6 +64,29 @@ def parse_size(text: str, option: str = "--size") -> tuple[int, int]:
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise ConfigError(f"{option} is {text!r}", "WIDTHxHEIGHT such as 320x240")
     return int(width), int(height)
+
+
+def require_range(args: object, low: float, high: float | None, *names: str) -> None:
+    """Refuse options, attributes of ``args``, that are below ``low`` or above ``high``.
+
+    Without a ``high`` there is no upper bound. An option that is None was not given.
+
+    Raises
+    ------
+    ConfigError
+        Naming the option.
+    """
+    for name in names:
+        value = getattr(args, name)
+        if value is not None and not low <= value <= (math.inf if high is None else high):
+            above = "or more" if high is None else f"to {_plain(high)}"
+            raise ConfigError(
+                f"--{name.replace('_', '-')} is {_plain(value)}", f"{_plain(low)} {above}"
+            )
+
+
+def _plain(number: float) -> str:
+    return f"{number:g}" if isinstance(number, float) else str(number)
 
 
 def require_folder(option: str, path: Path | None) -> None:

@@ -24,6 +24,15 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 _PARENT = "DFVS_PARENT_PID"
 _PR_SET_PDEATHSIG = 1
+_NICENESS = 10
+
+
+def give_way_to_flights() -> None:
+    """Lower this process's priority, for a command that may run beside a flight.
+
+    A command's entry point calls it where it was started as a program, not where it was called.
+    """
+    os.nice(_NICENESS)
 
 
 def child_environment() -> dict[str, str]:

@@ -9,6 +9,9 @@ from dfvs_core.messages.schema import setting
 MS = 1_000_000
 S = 1_000_000_000
 
+NEVER = -(1 << 62)
+"""Time of a message not received yet: older than any limit."""
+
 
 class Engage(enum.StrEnum):
     """Who engages: the pilot's mode switch, the service itself, a signed command, or nobody."""

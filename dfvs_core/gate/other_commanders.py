@@ -11,7 +11,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from dfvs_core.gate.config import MS, S
+from dfvs_core.gate.config import MS, NEVER, S
 from dfvs_core.gate.events import (
     AmbiguousLink,
     ForeignSetpoint,
@@ -32,7 +32,6 @@ MAX_UNEXPLAINED_M_S = 0.2
 UNEXPLAINED_TARGETS = 3
 _UNEXPLAINED_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
-_NEVER = -(1 << 62)
 
 OtherCommanderEvent = (
     OtherServices | ForeignSetpoint | AmbiguousLink | VelocityTarget | MonitorFailed
@@ -43,15 +42,15 @@ OtherCommanderEvent = (
 class OtherCommanders:
     """Last received signs of other commanders."""
 
-    services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
-    setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
+    services: OtherServices = field(default_factory=lambda: OtherServices(NEVER))
+    setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(NEVER, ""))
     ambiguous_link: str = ""
     """Which autopilots are on the link, where there are several and the settings name none."""
     monitor_failure: str = ""
     """Why parameters and other commanders are not watched any more, empty where they are."""
     _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
     _first_unexplained_ns: int | None = None
-    _last_unexplained_ns: int = _NEVER
+    _last_unexplained_ns: int = NEVER
     _confirmed: bool = False
     """A heartbeat later than the first odd target showed OFFBOARD."""
     _unexplained_count: int = 0

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 
-from dfvs_core.gate.config import GateConfig, GateTiming, S
+from dfvs_core.gate.config import NEVER, GateConfig, GateTiming, S
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
@@ -21,10 +21,6 @@ from dfvs_core.gate.other_commanders import OtherCommanders
 from dfvs_core.gate.states import Cause
 
 Fault = tuple[Cause, str]
-
-
-NEVER = -(1 << 62)
-"""Time of a message not received yet: older than any limit."""
 
 _NOT_RECEIVED = "none heard yet"
 

@@ -8,7 +8,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.command_line import program_parser, require_options, require_replaceable
+from dfvs_common.command_line import (
+    program_parser,
+    require_options,
+    require_range,
+    require_replaceable,
+)
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import warn
 from dfvs_core.errors import ConfigError, DfvsError
@@ -119,6 +124,7 @@ def _command(words: Sequence[str]) -> int:
     # Zenoh is needed here alone, and takes its time to load.
     from dfvs_service.command import send_command
 
+    require_range(arguments, 0.1, 600, "timeout")
     config = settings_from(arguments)
     action, goal_path = Action(arguments.command), arguments.goal
     if (action is Action.GOAL) != (goal_path is not None):
@@ -214,6 +220,7 @@ def _flight_settings(arguments: argparse.Namespace) -> ServiceConfig:
 
 def _check_options(arguments: argparse.Namespace) -> None:
     """Refuse options of the check without it, and an image that could not be written."""
+    require_range(arguments, 0.1, 3600, "check_timeout")
     for option, is_given in (
         ("--image", arguments.image is not None),
         ("--json", arguments.json),

@@ -153,21 +153,3 @@ def write_json(path: Path, document: Any) -> None:
         raise ConfigError(
             f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"
         ) from error
-
-
-def require_range(args: argparse.Namespace, low: float, high: float | None, *names: str) -> None:
-    """Refuse options that are below ``low`` or above ``high``; None is no upper bound.
-
-    An option that is None was not given.
-
-    Raises
-    ------
-    ConfigError
-        Naming the option.
-    """
-    for name in names:
-        value = getattr(args, name)
-        if value is not None and not low <= value <= (math.inf if high is None else high):
-            shown = f"{value:g}" if isinstance(value, float) else value
-            expected = f"{low:g} or more" if high is None else f"{low:g} to {high:g}"
-            raise ConfigError(f"--{name.replace('_', '-')} is {shown}", expected)

@@ -24,9 +24,10 @@ from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
+from dfvs_common.command_line import require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
-from dfvs_sim.options import parse_numbers, require_range, write_json
+from dfvs_sim.options import parse_numbers, write_json
 
 DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
 """What the paper's Fig. 6 shows, what flies, and the same on a camera that may look around."""

@@ -23,6 +23,7 @@ from dfvs_bench.trials.provenance import git_revision, run_facts
 from dfvs_bench.trials.run import Countdown
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
+from dfvs_common.command_line import require_range
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_depth_network, load_matcher
@@ -36,7 +37,7 @@ from dfvs_sim.demo.options import (
 )
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.summary import NOT_READY
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-bench drone --json drone.json --csv drone.csv

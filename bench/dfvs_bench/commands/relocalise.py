@@ -21,13 +21,13 @@ from dfvs_bench.relocalisation.relocalise import (
 )
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.options import camera_from, require_range, write_json
+from dfvs_sim.options import camera_from, write_json
 from dfvs_sim.scene.glb import load_glb
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)

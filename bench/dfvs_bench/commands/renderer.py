@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_sim.options import add_scene_option, require_range, write_json
+from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb

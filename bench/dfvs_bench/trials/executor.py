@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from dfvs_common.child import end_worker_with_parent
+from dfvs_common.command_line import require_range
 from dfvs_core.errors import ConfigError
 
 _Job = TypeVar("_Job")
@@ -40,8 +41,7 @@ class TrialExecutor:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        if not 1 <= self.workers <= _MOST_WORKERS:
-            raise ConfigError(f"--workers is {self.workers}", f"1 to {_MOST_WORKERS}")
+        require_range(self, 1, _MOST_WORKERS, "workers")
         if self.dask is not None and self.workers > 1:
             raise ConfigError(
                 f"--workers {self.workers} beside --dask", "one of them: the cluster has workers"

@@ -8,7 +8,13 @@ from torch import Tensor
 
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader
-from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend, drawn_ahead
+from dfvs_export.training.descent import (
+    ENCODER_RATE,
+    TrainSettings,
+    bfloat16_where_quick,
+    descend,
+    drawn_ahead,
+)
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
@@ -46,7 +52,7 @@ def train_depth(settings: DepthTrainSettings) -> None:
 
     def learn() -> None:
         image, focal, truth = next(batches)
-        with torch.autocast("cpu", torch.bfloat16):
+        with bfloat16_where_quick():
             found = network.logs(image, focal)
         loss = depth_loss(found, truth)
         loss.backward()  # type: ignore[no-untyped-call]

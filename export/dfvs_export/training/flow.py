@@ -15,7 +15,12 @@ from torch import Tensor
 from torch.nn import functional
 
 from dfvs_export.networks.xfeat import Keypoints
-from dfvs_export.training.descent import ENCODER_RATE, TrainSettings, descend
+from dfvs_export.training.descent import (
+    ENCODER_RATE,
+    TrainSettings,
+    bfloat16_where_quick,
+    descend,
+)
 from dfvs_export.training.room_pairs import SIZE, PairReader, TrueMatches, true_matches
 from dfvs_export.weights.checkpoint import state_of
 from dfvs_export.weights.flow import Weights, load_weights
@@ -103,7 +108,7 @@ class _Run:
     def _learn_from(self, pair: EncodedPair) -> None:
         """Add the gradient of one pair."""
         truth = pair.truth
-        with torch.autocast("cpu", torch.bfloat16):
+        with bfloat16_where_quick():
             features = self._matcher.attend(pair.first, pair.second)
         found = self._matcher.assign(features.float(), pair.first.points.shape[1])
         losses = []

@@ -10,6 +10,7 @@ from torch.nn import functional
 from dfvs_export.networks.pose_regression import Flow, PosePrediction
 from dfvs_export.networks.siamese_pose import RADIUS, UPDATES, SiameseNet
 from dfvs_export.networks.stacked_pose import StackedNet
+from dfvs_export.training.descent import bfloat16_where_quick
 from dfvs_export.training.drawn_flows import drawn_flows, with_errors
 
 _MATCH_WEIGHT, _LOCAL_WEIGHT = 0.2, 0.15
@@ -51,7 +52,7 @@ def stacked_loss(
 
     The pose is also learnt from the true flows with drawn errors.
     """
-    with torch.autocast("cpu", torch.bfloat16):
+    with bfloat16_where_quick():
         levels = network.flows(batch.first, batch.second)
     total = torch.zeros(())
     for found, weight in zip(levels, _FLOW_WEIGHTS, strict=True):
@@ -71,7 +72,7 @@ def siamese_loss(
 
     The pose is also learnt from drawn flows, which cost next to nothing.
     """
-    with torch.autocast("cpu", torch.bfloat16):
+    with bfloat16_where_quick():
         coarse, fine = network.describe(batch.first, batch.second)
     half = functional.avg_pool2d(batch.flow, 2)
     similarity = network.similarity(coarse)
@@ -81,7 +82,7 @@ def siamese_loss(
     found = found.doubled()
     for _, weight in zip(range(UPDATES), _FLOW_WEIGHTS[1:], strict=True):
         before = found.flow.detach()
-        with torch.autocast("cpu", torch.bfloat16):
+        with bfloat16_where_quick():
             found, alike = network.refined(fine, found)
         total = total + _LOCAL_WEIGHT * _local_loss(alike, batch.flow - before)
         total = total + weight * _flow_loss(found, batch.flow)

@@ -6,14 +6,14 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_common.progress import log
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
 from dfvs_robustness.harness.load import take_precedence
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-robustness answers                                  10 tries in every state

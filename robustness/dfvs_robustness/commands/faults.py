@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.command_line import require_file, require_folder
+from dfvs_common.command_line import require_file, require_folder, require_range
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_common.progress import log
 from dfvs_robustness.answers.report import read_answers
@@ -15,7 +15,6 @@ from dfvs_robustness.faults.matrix import append_result, plan, read_outcomes, ru
 from dfvs_robustness.faults.report import Report, make_rows
 from dfvs_robustness.faults.table import all_faults
 from dfvs_robustness.faults.workers import Result
-from dfvs_sim.options import require_range
 
 _EPILOG = """examples:
   dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state

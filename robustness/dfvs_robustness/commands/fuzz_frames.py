@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.commands.fuzz_run import ProgressLine
 from dfvs_robustness.fuzz.frames.decoding import FrameOutcome, corpus_of, feed_all, hostile_frame
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import write_json
 
 MOST_TIME = 20.0
 """Longest time of any frame, as a multiple of the 99th percentile of good ones."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import write_json
 
 T = TypeVar("T", bound=Tally)
 E = TypeVar("E")

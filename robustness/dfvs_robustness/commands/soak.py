@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, judge, latency_figures
@@ -21,7 +21,6 @@ from dfvs_sim.options import (
     add_scene_option,
     camera_from,
     renderer_from,
-    require_range,
     write_json,
 )
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.command_line import require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models.evaluation import LEVELS
@@ -21,7 +22,7 @@ from dfvs_rooms.lighting.bake import light_room
 from dfvs_rooms.pairs.evaluation import PairSampler, ViewPair, evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
-from dfvs_sim.options import parse_seeds, require_range
+from dfvs_sim.options import parse_seeds
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import Scene
@@ -67,8 +68,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw and write the pairs; exit code 0."""
-    if not 1 <= args.count <= _MAX_PAIRS:
-        raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
+    require_range(args, 1, _MAX_PAIRS, "count")
     require_range(args, 0, None, "seed")
     write = _write_wide if args.format == "wide" else _write_file
     written = write(args, _scenes(args))

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dfvs_common.command_line import require_file
+from dfvs_common.command_line import require_file, require_range
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.image import encode_png
@@ -17,7 +17,6 @@ from dfvs_rooms.lighting.bake import bake_room, light_room
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
 from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M
 from dfvs_rooms.room_types.room_types import LIVING_ROOM, REPETITIVE_KINDS, ROOM_KINDS, room_of_kind
-from dfvs_sim.options import require_range
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb

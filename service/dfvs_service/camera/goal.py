@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from dfvs_common.command_line import command_parser, require_replaceable
+from dfvs_common.command_line import command_parser, require_range, require_replaceable
 from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal import Mount
@@ -22,6 +22,7 @@ from dfvs_service.camera.options import (
     calibration_of,
     feed_of,
     log,
+    refuse_source_options,
 )
 from dfvs_service.camera.sources.source import check_size
 from dfvs_service.camera.sources.spec import CameraError
@@ -75,11 +76,13 @@ def run(words: Sequence[str]) -> int:
     """
     arguments = _parser().parse_args(words)
     require_replaceable("--out", arguments.out, ".png")
-    if not 1 <= arguments.frames <= 1000:
-        raise ConfigError(f"--frames is {arguments.frames}", "1 to 1000")
+    require_range(arguments, 1, 1000, "frames")
+    require_range(arguments, 0.1, 3600, "timeout")
     given = None if arguments.attitude is None else parse_attitude(arguments.attitude)
     if given is not None and arguments.mavlink is not None:
         raise ConfigError("--attitude beside --mavlink", "only one of them")
+    if arguments.source == ZENOH:
+        refuse_source_options(arguments, "--source zenoh")
     config = settings_from(arguments)
     camera = calibration_of(arguments) or known_camera(config, _CALIBRATION)
     listener: VehicleStateListener | None = None

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 
 from dfvs_common import progress
-from dfvs_common.command_line import parse_size
+from dfvs_common.command_line import parse_size, require_range
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
@@ -43,6 +43,20 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def refuse_source_options(arguments: argparse.Namespace, beside: str) -> None:
+    """Refuse options of :func:`add_source_options` beside images that another process takes.
+
+    Raises
+    ------
+    ConfigError
+        Naming the first that was given.
+    """
+    for name, default in (("size", None), ("rate", None), ("loop", False), ("latency_ms", 0.0)):
+        if getattr(arguments, name) != default:
+            option = f"--{name.replace('_', '-')}"
+            raise ConfigError(f"{option} beside {beside}", "an option of that camera's own process")
+
+
 def add_calibration_option(parser: argparse.ArgumentParser) -> None:
     """Add ``--calibration``."""
     parser.add_argument(
@@ -63,11 +77,8 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
     ConfigError
         If an option is out of range or contradicts the calibration.
     """
-    rate = arguments.rate
-    if rate is not None and not 0.1 <= rate <= 1000:
-        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 images a second")
-    if not 0 <= arguments.latency_ms <= 1000:
-        raise ConfigError(f"--latency-ms is {arguments.latency_ms:g}", "0 to 1000")
+    require_range(arguments, 0.1, 1000, "rate")
+    require_range(arguments, 0, 1000, "latency_ms")
     size = wanted
     if arguments.size is not None:
         size = parse_size(arguments.size)
@@ -76,7 +87,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
                 f"--size is {arguments.size}",
                 f"{wanted[0]}x{wanted[1]}, the calibration's size" if wanted else "",
             )
-    return SourceOptions(size, rate, round(arguments.latency_ms * 1e6))
+    return SourceOptions(size, arguments.rate, round(arguments.latency_ms * 1e6))
 
 
 def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:

@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Sequence
 
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_range
 from dfvs_common.lifecycle import stop_event
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import FORMAT_NAMES
@@ -104,10 +104,8 @@ def run(words: Sequence[str]) -> int:
 
 
 def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
-    if not 1 <= arguments.quality <= 100:
-        raise ConfigError(f"--quality is {arguments.quality}", "1 to 100")
-    if arguments.frames is not None and arguments.frames < 1:
-        raise ConfigError(f"--frames is {arguments.frames}", "1 or more")
+    require_range(arguments, 1, 100, "quality")
+    require_range(arguments, 1, None, "frames")
     required_s = arguments.require_subscriber
     if required_s is not None and not 0.0 < required_s <= 3600.0:
         raise ConfigError(f"--require-subscriber is {required_s:g}", "above 0, to 3600 s")

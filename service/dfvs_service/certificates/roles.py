@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_common.command_line import require_range
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_access import Role, certificate_name
@@ -48,8 +49,7 @@ def make_everything(arguments: argparse.Namespace) -> None:
     longest = max(vehicles, key=len)
     if len(longest) > _MAX_VEHICLE:
         raise ConfigError(f"--vehicle {longest!r}", f"at most {_MAX_VEHICLE} characters")
-    if not 1 <= arguments.days <= _MAX_DAYS:
-        raise ConfigError(f"--days {arguments.days}", f"1 to {_MAX_DAYS}")
+    require_range(arguments, 1, _MAX_DAYS, "days")
     listen = arguments.listen
     if listen is not None and not (is_encrypted(listen) and _ENDPOINT.fullmatch(listen)):
         raise ConfigError(f"--listen {listen!r}", f"an endpoint such as {_LISTEN}")

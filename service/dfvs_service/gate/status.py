@@ -3,9 +3,9 @@
 import json
 import math
 
-from dfvs_core.gate.config import S
+from dfvs_core.gate.config import NEVER, S
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.messages.link import GateStatus, VehicleState
 
 _MOST_TEXT_BYTES = 300

@@ -5,11 +5,15 @@ import sys
 import time
 from collections.abc import Sequence
 
-from dfvs_common.command_line import program_parser
+from dfvs_common.command_line import program_parser, require_range
 from dfvs_common.extras import require_package
-from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.lifecycle import (
+    EXIT_OK,
+    give_way_to_flights,
+    handle_ending_signals,
+    run_command,
+)
 from dfvs_common.progress import log
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.preparation import require_record_extra
@@ -37,14 +41,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
     add_settings_options(parser)
     arguments = parser.parse_args(argv)
+    if argv is None:
+        give_way_to_flights()
     return run_command(lambda: _serve(arguments))
 
 
 def _serve(arguments: argparse.Namespace) -> int:
     require_record_extra()
     require_package("dfvs-foxglove needs", "foxglove", "foxglove", "foxglove-sdk")
-    if not 0 <= arguments.port <= 65535:
-        raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
+    require_range(arguments, 0, 65535, "port")
     config = settings_from(arguments)
     # Foxglove and Zenoh take their time to load.
     from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer

@@ -1,18 +1,16 @@
 """``dfvs-metrics``: a running service's flight for Prometheus."""
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.extras import require_package
-from dfvs_common.lifecycle import EXIT_OK, run_command
+from dfvs_common.lifecycle import EXIT_OK, give_way_to_flights, run_command
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 9464
 LOOPBACK = "127.0.0.1"
-_NICENESS = 10
 
 _EXAMPLE = """\
 examples, beside a running dfvs-service:
@@ -28,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     arguments = _parser().parse_args(argv)
     if argv is None:
-        os.nice(_NICENESS)  # it may serve beside a flight
+        give_way_to_flights()
     return run_command(lambda: _serve(arguments))
 
 

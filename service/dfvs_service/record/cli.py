@@ -8,7 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.command_line import program_parser
-from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.lifecycle import (
+    EXIT_FAILED,
+    EXIT_OK,
+    give_way_to_flights,
+    handle_ending_signals,
+    run_command,
+)
 from dfvs_common.progress import StatusLine, log, warn
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings.options import add_settings_options, settings_from
@@ -29,6 +35,8 @@ exit code: 0 recorded, 1 nothing came, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        give_way_to_flights()
     is_recovery = words[:1] == ["recover"]
     return run_command(lambda: _recover(words[1:]) if is_recovery else _record(words))
 

@@ -1,6 +1,5 @@
 """Subscription to one vehicle's frame records over Zenoh, and their order."""
 
-import os
 import threading
 import time
 from collections import deque
@@ -23,7 +22,6 @@ from dfvs_service.zenoh_session import open_persistently, require_usable_files, 
 _WAIT_S = 0.2
 _DRAIN_S = 0.5
 _CONNECT_PAUSE_S = 0.2
-_NICENESS = 5
 
 MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4
@@ -147,8 +145,6 @@ class Follower:
 
     def events(self) -> Iterator[list[Event]]:
         """What has come, a few times a second also where nothing has."""
-        # Whoever only looks must not take time from the flight.
-        os.nice(_NICENESS)
         section = operators_zenoh(self._config.zenoh)
         session = open_persistently(section, lambda: self._stopped, log, _CONNECT_PAUSE_S)
         if session is None:

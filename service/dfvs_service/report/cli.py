@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import program_parser, require_file
-from dfvs_common.lifecycle import EXIT_OK, run_command
+from dfvs_common.lifecycle import EXIT_OK, give_way_to_flights, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import S
@@ -27,7 +27,6 @@ from dfvs_service.supervisor.child import use_one_blas_thread
 if TYPE_CHECKING:
     from dfvs_service.report.flight import Flight, FlightSource
 
-_NICENESS = 10
 _SHOW_S = 0.5
 
 _EXAMPLE = """\
@@ -47,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     if argv is None:
         use_one_blas_thread("dfvs_service.report.cli")
-        os.nice(_NICENESS)  # it may be made beside a flight
+        give_way_to_flights()
     return run_command(lambda: _write(arguments))
 
 

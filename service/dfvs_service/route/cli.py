@@ -5,10 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import command_parser
+from dfvs_common.command_line import command_parser, require_range
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, stop_event
 from dfvs_common.progress import log
-from dfvs_core.errors import ConfigError
 from dfvs_core.perception.route import RouteRecordingLimits
 from dfvs_service.route.recording import (
     Event,
@@ -57,8 +56,7 @@ def run(words: Sequence[str]) -> int:
     """
     arguments = _parser().parse_args(words)
     config = settings_from(arguments, {"vehicle.mavlink": arguments.mavlink})
-    if not 0.2 <= arguments.overlap <= 0.95:
-        raise ConfigError(f"--overlap is {arguments.overlap:g}", "0.2 to 0.95")
+    require_range(arguments, 0.2, 0.95, "overlap")
     prepare_route_folder(arguments.out)
     limits = RouteRecordingLimits(overlap=arguments.overlap)
     count = _record_route(config, arguments.out, limits)

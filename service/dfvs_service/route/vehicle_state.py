@@ -5,8 +5,9 @@ import time
 from collections import deque
 
 from dfvs_core.gate.checks.preflight import SYSTEM_ID
+from dfvs_core.gate.config import NEVER
 from dfvs_core.gate.events import AmbiguousLink, Attitude, LocalPosition, VehicleEvent
-from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.messages.link import VehicleState
 from dfvs_service.gate.status import vehicle_state
 

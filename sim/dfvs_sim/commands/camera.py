@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import zenoh
 
+from dfvs_common.command_line import require_range
 from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
@@ -27,7 +28,6 @@ from dfvs_sim.options import (
     camera_from,
     parse_numbers,
     renderer_from,
-    require_range,
 )
 
 _EPILOG = """examples:

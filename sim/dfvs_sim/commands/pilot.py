@@ -5,12 +5,12 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from dfvs_common.command_line import require_range
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M, Pilot
 from dfvs_sim.ground.sharing import DEFAULT_PORT
-from dfvs_sim.options import require_range
 from dfvs_sim.vehicle.modes import Mode
 
 _WORDS = {

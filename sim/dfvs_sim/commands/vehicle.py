@@ -5,18 +5,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.command_line import require_range
 from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
-from dfvs_sim.options import (
-    grade_names,
-    parse_estimate,
-    parse_numbers,
-    parse_wind,
-    require_range,
-)
+from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
 from dfvs_sim.vehicle.messages.udp_link import UdpPorts
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle

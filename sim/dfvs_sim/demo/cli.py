@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import program_parser, require_file
+from dfvs_common.command_line import program_parser, require_file, require_range
 from dfvs_common.lifecycle import run_command
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.demo.fleet import MOST_VEHICLES
@@ -22,7 +22,7 @@ from dfvs_sim.demo.options import (
 )
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.runs import fly_fleet, fly_seeds
-from dfvs_sim.options import add_camera_options, add_scene_option, require_range
+from dfvs_sim.options import add_camera_options, add_scene_option
 
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room

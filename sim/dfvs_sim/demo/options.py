@@ -4,9 +4,10 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from dfvs_common.command_line import require_range
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
-from dfvs_sim.options import grade_names, parse_estimate, parse_wind, require_range
+from dfvs_sim.options import grade_names, parse_estimate, parse_wind
 
 VEHICLE_NAME = "demo"
 FIRST_SYSTEM_ID = 1

@@ -71,6 +71,8 @@ FOV = ("--camera-fov", "70")
         (["--goal", "GOAL", "--image", "check.png"], ["--image without --check"]),
         (["--goal", "GOAL", "--json"], ["--json without --check"]),
         (["--goal", "GOAL", "--check-timeout", "5"], ["--check-timeout without --check"]),
+        (["--goal", "GOAL", "--check", "--check-timeout", "inf"], ["--check-timeout is inf"]),
+        (["command", "hold", "--key-file", "key", "--timeout", "inf"], ["--timeout is inf"]),
         (["--goal", "GOAL", "--check", "--image", "check.jpg"], ["ends in .png"]),
         (["--goal", "GOAL", "--check", "--image", "no/check.png"], ["lies in no folder"]),
     ],

@@ -13,7 +13,12 @@ import cv2
 import numpy as np
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import command_parser, require_file, require_replaceable
+from dfvs_common.command_line import (
+    command_parser,
+    require_file,
+    require_range,
+    require_replaceable,
+)
 from dfvs_core.errors import ConfigError, GeometryError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
@@ -72,8 +77,7 @@ def run_board(words: Sequence[str]) -> int:
     arguments = parser.parse_args(words)
     board = Board(parse_board(arguments.board))
     require_file("--out", arguments.out, ".png")
-    if not 50 <= arguments.dpi <= 1200:
-        raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
+    require_range(arguments, 50, 1200, "dpi")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
     image = board.draw(square_px, square_px // 2)
     replace_file(arguments.out, encode_png(np.repeat(image[:, :, None], 3, axis=2)))
