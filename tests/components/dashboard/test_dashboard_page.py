@@ -35,6 +35,17 @@ BAND_PIXELS = """() => {
 }"""
 NUMBER = """name => [...document.querySelectorAll("#numbers div")]
   .find((e) => e.firstChild.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
+WRITTEN_ON_PATH = """() => {
+  window.written = {};
+  const write = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+    const { width, height } = this.canvas, wide = this.measureText(text).width;
+    const left = this.textAlign === "center" ? x - wide / 2 : x;
+    if (this.canvas.id === "path")
+      window.written[text] = left >= 0 && left + wide <= width && y > 0 && y < height;
+    return write.apply(this, arguments);
+  };
+}"""
 NAMELESS = """() => [...document.querySelectorAll(
   'button, input, select, canvas:not(.uplot canvas), dialog, section')].filter((e) => !(
     e.getAttribute('aria-label') || e.getAttribute('aria-labelledby')
@@ -128,6 +139,16 @@ def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(fiel
     for score, text in ((12.3, "ok 12.3 σ"), (-4.9, "undecided "), (-5.0, "wrong 5.0 σ")):
         field.swift.mounting_score = score
         page.wait(f"text => ({NUMBER})('Mounting') === text", text)
+
+
+def test_north_east_and_the_goal_are_told_on_the_path_however_it_is_turned(page):
+    page.page.evaluate(WRITTEN_ON_PATH)
+    for _ in range(4):
+        page.page.evaluate("() => { window.written = {}; }")
+        page.page.focus("#path")
+        for _ in range(4):
+            page.page.keyboard.press("ArrowLeft")
+        page.wait("() => ['N', 'E', 'goal (estimate)'].every((text) => written[text])")
 
 
 def test_flow_confidence_and_ways_to_compare_change_the_picture(field, page):

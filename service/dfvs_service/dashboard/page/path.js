@@ -120,11 +120,19 @@ export class PathView {
     }
     context.fillStyle = style("--muted");
     context.font = `${12 * scale}px system-ui, sans-serif`;
-    context.textAlign = "center";
-    context.fillText("N", ...project([n0 + 3.3 * step, e0, floor]));
-    context.fillText("E", ...project([n0, e0 + 3.3 * step, floor]));
+    this.#writeAxis(context, "N", (r) => project([n0 + r * step, e0, floor]), scale);
+    this.#writeAxis(context, "E", (r) => project([n0, e0 + r * step, floor]), scale);
     context.textAlign = "left";
     context.fillText(`grid ${step} m`, 8 * scale, 16 * scale);
+  }
+
+  /** An axis' letter as far out on the floor's grid as the canvas shows it whole. */
+  #writeAxis(context, letter, at, scale) {
+    const { width, height } = this.#canvas;
+    const isInside = ([x, y]) => x > 8 * scale && x < width - 8 * scale && y > 28 * scale && y < height - 8 * scale;
+    const place = [3.3, 2.8, 2.3, 1.8, 1.3, 0.8].map(at).find(isInside);
+    context.textAlign = "center";
+    if (place) context.fillText(letter, ...place);
   }
 
   #drawPath(context, { project, floor }, scale) {
@@ -154,10 +162,12 @@ export class PathView {
     const r = 7 * scale;
     line(context, [x - r, y], [x + r, y]);
     line(context, [x, y - r], [x, y + r]);
-    const isNearEdge = x > 0.7 * this.#canvas.width;
+    const text = `goal (estimate${this.#goalAge && `, ${this.#goalAge}`})`;
+    const half = context.measureText(text).width / 2 + 4 * scale;
+    const middle = Math.min(Math.max(x, half), this.#canvas.width - half);
     context.fillStyle = style("--ink");
-    context.textAlign = isNearEdge ? "right" : "left";
-    context.fillText(`goal (estimate${this.#goalAge && `, ${this.#goalAge}`})`, x + (isNearEdge ? -10 : 10) * scale, y - 6 * scale);
+    context.textAlign = "center";
+    context.fillText(text, middle, y > 50 * scale ? y - 14 * scale : y + 24 * scale);
   }
 
   #drawVehicle(context, { project, radius, floor }, scale) {
