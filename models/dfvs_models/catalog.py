@@ -22,6 +22,7 @@ from dfvs_models.pose import PoseNetwork
 
 CLASSICAL = "classical"
 _HYBRID = "hybrid:"
+_PAIR = f"{_HYBRID!r} and a bundle of the kind 'pair'"
 _PACKAGED = Path(__file__).parent / "assets"
 _NO_MATCHERS = {"mono": "depth", "pose": "a pose"}
 """What bundles give that give no matches, by kind."""
@@ -69,8 +70,10 @@ def load_matcher(
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return classical_matcher(config)
-    bundle = read_bundle(_folder(name_or_path.removeprefix(_HYBRID)))
-    return network_matcher(bundle, execution, name_or_path.startswith(_HYBRID), config)
+    network, is_hybrid = name_or_path.removeprefix(_HYBRID), name_or_path.startswith(_HYBRID)
+    if network == CLASSICAL:
+        raise ModelError(f"{name_or_path!r} names no network", _PAIR)
+    return network_matcher(read_bundle(_folder(network)), execution, is_hybrid, config)
 
 
 def network_matcher(
@@ -95,6 +98,12 @@ def network_matcher(
             f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
     if kind == "encode-match":
+        if is_hybrid:
+            raise ModelError(
+                f"{_HYBRID!r} before a bundle of the kind {kind!r}, which is made precise anyway",
+                _PAIR,
+                f"leave {_HYBRID!r} out",
+            )
         config = config or MatchingConfig()
         return StagedMatcher(
             EncodeMatchPoints(bundle, execution, config.turns_rad, config.scales), config

@@ -86,6 +86,18 @@ def test_the_packaged_bundle_goes_by_its_name():
     assert set(model_files("dfvs-flow")) >= {"manifest.json", "encode.onnx", "match.onnx"}
 
 
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("hybrid:classical", "names no network"),
+        ("hybrid:dfvs-flow", "'encode-match'"),
+    ],
+)
+def test_hybrid_goes_with_the_flow_of_a_pair_network_alone(name, problem):
+    with pytest.raises(ModelError, match=f"{problem}.*expected 'hybrid:' and a bundle of the kind"):
+        load_matcher(name, threads=1)
+
+
 def flip_a_bit(bundle):
     data = bytearray((bundle / "pair.onnx").read_bytes())
     data[len(data) // 2] ^= 1
