@@ -158,13 +158,14 @@ def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, c
 def test_a_flight_goes_on_without_its_black_box_and_says_so(rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
     os.kill(rig.service.pid("flights"), signal.SIGKILL)
+    # A late frame may hold the vehicle for a moment; no flight that ended comes back to SERVO.
     told = "warning: the black box was killed by SIGKILL; no more of this flight is kept"
     assert wait_until(lambda: told in rig.service.errors(), 60.0)
-    assert rig.state is GateState.SERVO
+    rig.await_state(GateState.SERVO)
     page, exported, _ = opened(capsys, flights, folder, tmp_path)
     assert page["status"] == "cut off"
     check_records(exported, rig.folder / "goal.png")
-    assert rig.state is GateState.SERVO
+    rig.await_state(GateState.SERVO)
 
 
 def whole_lines(path):
