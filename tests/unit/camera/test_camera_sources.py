@@ -205,3 +205,16 @@ def test_the_latency_counts_wherever_the_time_of_capture_is_not_told(kind, monke
 def test_a_latency_of_a_source_that_tells_the_time_of_capture_is_refused(word, refused):
     line = refused(cli.main, "goal", "--source", word, *LATE, *FOV, "--out", "goal.png")
     assert "--latency-ms beside" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("0", "--loop"), "--loop beside V4L2 device /dev/video0"),
+        (("rtsp://a:b@127.0.0.1:9/x", "--rate", "5"), "--rate beside stream rtsp://a:***@127"),
+        (("gst:videotestsrc ! appsink", "--rate", "5"), "--rate beside GStreamer pipeline"),
+        ((".", "--format", "raw", "--quality", "50"), "--quality beside --format raw"),
+    ],
+)
+def test_an_option_without_effect_on_the_source_is_refused(words, message, refused):
+    assert message in refused(cli.main, "--source", *words)
