@@ -2,6 +2,7 @@
 
 import contextlib
 import struct
+import sys
 import time
 
 import cv2
@@ -119,6 +120,26 @@ def test_picamera2_that_was_built_for_another_numpy_is_named_as_the_cause(tmp_pa
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(CameraError, match=r"size changed.*simplejpeg"):
         open_source(parse_source("picamera"), SourceOptions())
+
+
+def test_a_pi_camera_that_does_not_start_is_given_back_to_be_tried_again(tmp_path, monkeypatch):
+    (tmp_path / "picamera2.py").write_text(
+        "class Picamera2:\n"
+        "    taken = False\n"
+        "    def __init__(self, number):\n"
+        "        if Picamera2.taken: raise RuntimeError('Device or resource busy')\n"
+        "        Picamera2.taken = True\n"
+        "    global_camera_info = staticmethod(lambda: [{}])\n"
+        "    create_video_configuration = lambda self, **_: {}\n"
+        "    configure = lambda self, _: None\n"
+        "    def start(self): raise RuntimeError('Camera frontend has timed out')\n"
+        "    def close(self): Picamera2.taken = False\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for _ in range(2):
+        with pytest.raises(SourceLostError, match="timed out"):
+            open_source(parse_source("picamera"), SourceOptions())
+    monkeypatch.delitem(sys.modules, "picamera2")
 
 
 def test_a_file_that_is_no_video_is_refused(tmp_path):
