@@ -91,7 +91,13 @@ def test_a_live_source_that_cannot_be_opened_may_come_back(word, problem):
 
 
 @pytest.mark.parametrize(
-    "source", ["rtsp://pilot:se:cret@127.0.0.1:9/x", "gst:rtspsrc location=rtsp://a:b@h ! appsink"]
+    "source",
+    [
+        "rtsp://pilot:se:cret@127.0.0.1:9/x",
+        "rtsp://pilot:se@cret@127.0.0.1:9/x",
+        "rtsp://pilot@example.org:secret@127.0.0.1:9/x",
+        "gst:rtspsrc location=rtsp://a:b@h ! appsink",
+    ],
 )
 def test_the_password_of_a_stream_stays_out_of_what_is_shown(source):
     spec = parse_source(source)

@@ -11,7 +11,7 @@ from dfvs_service.settings.goal_file import is_image
 _DEVICES = "/dev/"
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
-_PASSWORD = re.compile(r"(://[^/@\s:]*):[^/@\s]*@")
+_PASSWORD = re.compile(r"(://[^/\s:]*):[^/\s]*@")
 
 
 class CameraError(DfvsError):
