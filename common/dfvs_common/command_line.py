@@ -125,7 +125,7 @@ def require_file(option: str, path: Path | None, ending: str = "") -> None:
         raise ConfigError(f"{option} is {str(path)!r}", f"a name that ends in {ending}")
 
 
-def require_replaceable(option: str, path: Path, ending: str = "") -> None:
+def require_replaceable(option: str, path: Path | None, ending: str = "") -> None:
     """Refuse a file that :func:`require_file` refuses, or whose folder takes no new files.
 
     Raises
@@ -134,7 +134,7 @@ def require_replaceable(option: str, path: Path, ending: str = "") -> None:
         If it cannot be written.
     """
     require_file(option, path, ending)
-    if not os.access(path.absolute().parent, os.W_OK):
+    if path is not None and not os.access(path.absolute().parent, os.W_OK):
         raise ConfigError(f"{option} {path} cannot be written", "a folder that is writable")
 
 

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
+from dfvs_common.progress import log
 from dfvs_core.errors import DfvsError
 
 EXIT_OK, EXIT_FAILED, EXIT_CANNOT_RUN = 0, 1, 2
@@ -98,7 +99,7 @@ def exit_on_signals() -> list[int]:
 
 def cannot_run(error: object) -> int:
     """Print an error as one line; returns ``EXIT_CANNOT_RUN``."""
-    print(f"error: {error}", file=sys.stderr, flush=True)
+    log(f"error: {error}")
     return EXIT_CANNOT_RUN
 
 

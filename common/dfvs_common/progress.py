@@ -1,13 +1,15 @@
 """Progress of a command, on standard error."""
 
+import contextlib
 import sys
 import time
 from typing import TextIO
 
 
 def log(text: str) -> None:
-    """Print a line, apart from results."""
-    print(text, file=sys.stderr, flush=True)
+    """Print a line, apart from results; a full disk or a terminal that is gone ends no work."""
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def warn(text: str) -> None:
@@ -51,5 +53,6 @@ class StatusLine:
 
     def _write(self, text: str, *, is_drawn: bool) -> None:
         self._is_drawn = is_drawn
-        self._stream.write(text)
-        self._stream.flush()
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+            self._stream.flush()

@@ -13,7 +13,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.sources.source import Source, SourceOptions, open_source
-from dfvs_service.camera.sources.spec import STAMPED_ON_ARRIVAL, parse_source
+from dfvs_service.camera.sources.spec import STAMPED_ON_ARRIVAL, SourceKind, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.sections import ZenohSection
 
@@ -102,6 +102,10 @@ def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Fe
     spec = parse_source(arguments.source)
     if options.latency_ns and spec.kind not in STAMPED_ON_ARRIVAL:
         raise ConfigError(f"--latency-ms beside {spec}", "a source that tells no time of capture")
+    if options.rate_hz and spec.kind in (SourceKind.STREAM, SourceKind.GSTREAMER):
+        raise ConfigError(f"--rate beside {spec}", "a source that comes at no rate of its own")
+    if arguments.loop and spec.is_live:
+        raise ConfigError(f"--loop beside {spec}", "a video, an image or a folder of images")
 
     def opener() -> Source:
         return open_source(spec, options)

@@ -20,7 +20,12 @@ from dfvs_service.camera.options import (
     log,
     source_options,
 )
-from dfvs_service.camera.publisher import FramePublisher, PublishOptions, publish_feed
+from dfvs_service.camera.publisher import (
+    JPEG_QUALITY,
+    FramePublisher,
+    PublishOptions,
+    publish_feed,
+)
 from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.zenoh_session import open_persistently
 
@@ -58,7 +63,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--format", choices=sorted(FORMAT_NAMES), default="jpeg", help="(default: jpeg)"
     )
-    made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
+    made.add_argument(
+        "--quality", type=int, metavar="Q", help=f"of JPEG, 1 to 100 (default: {JPEG_QUALITY})"
+    )
     made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     made.add_argument(
         "--require-subscriber",
@@ -106,6 +113,8 @@ def run(words: Sequence[str]) -> int:
 def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
     require_range(arguments, 1, 100, "quality")
     require_range(arguments, 1, None, "frames")
+    if arguments.quality is not None and arguments.format != "jpeg":
+        raise ConfigError(f"--quality beside --format {arguments.format}", "--format jpeg")
     required_s = arguments.require_subscriber
     if required_s is not None and not 0.0 < required_s <= 3600.0:
         raise ConfigError(f"--require-subscriber is {required_s:g}", "above 0, to 3600 s")
@@ -114,7 +123,7 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
     return PublishOptions(
         vehicle=settings_from(arguments).vehicle.name,
         pixel_format=FORMAT_NAMES[arguments.format],
-        quality=arguments.quality,
+        quality=JPEG_QUALITY if arguments.quality is None else arguments.quality,
         camera=camera,
         size=asked.size,
         max_frames=arguments.frames,

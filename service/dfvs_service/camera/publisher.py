@@ -19,6 +19,7 @@ from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.zenoh_session import has_subscriber, publish_kept
 
+JPEG_QUALITY = 90
 _RECEIVE_S = 0.25
 _REPORT_S = 5.0
 _SILENCE_S = 2.0
@@ -35,7 +36,7 @@ class PublishOptions:
 
     vehicle: str
     pixel_format: PixelFormat = PixelFormat.JPEG
-    quality: int = 90
+    quality: int = JPEG_QUALITY
     camera: CameraModel | None = None
     size: tuple[int, int] | None = None
     max_frames: int | None = None

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_common.command_line import require_range
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
@@ -123,12 +124,12 @@ def _vehicles_of(names: Iterable[str]) -> tuple[str, ...]:
 
 def _write_router_file(path: Path, document: dict[str, object]) -> None:
     """Write the router's file; one that differs stays beside it, with what was added by hand."""
-    text = json.dumps(document, indent=2) + "\n"
-    if path.exists() and path.read_text(encoding="utf-8") != text:
+    text = (json.dumps(document, indent=2) + "\n").encode()
+    if path.exists() and (earlier := path.read_bytes()) != text:
         old = path.with_name(f"{path.name}.old")
-        path.replace(old)
+        write_atomic(old, earlier)
         print(f"kept  {old}: carry over what you added to it")
-    path.write_text(text, encoding="utf-8")
+    write_atomic(path, text)
     print(f"wrote {path}; start the router with: cd {path.parent} && zenohd -c {path.name}")
 
 

@@ -114,19 +114,23 @@ def export_flight(folder: Path, target: Path) -> int:
         count = _pack(folder, partial)
         os.replace(partial, target)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
         raise ConfigError(
             f"{folder.name} cannot be exported to {target} ({error.strerror})",
             "a folder that exists and is writable",
         ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
     return count
 
 
 def _pack(folder: Path, partial: Path) -> int:
+    # Listed first: the archive may lie in the folder itself.
+    paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.name != LOCK)
     count = 0
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != LOCK):
+    # A clock that was never set gives times that ZIP cannot hold: before 1980.
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, strict_timestamps=False) as archive:
+        for path in paths:
             # The oldest files of a running flight may go meanwhile.
             with contextlib.suppress(FileNotFoundError):
                 archive.write(path, folder.name / path.relative_to(folder))

@@ -140,10 +140,10 @@ def _lock(folder: Path) -> IO[str]:
     """Lock a new folder; remove it where that fails."""
     try:
         lock = (folder / LOCK).open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX)
     except OSError:
-        folder.rmdir()
+        shutil.rmtree(folder, ignore_errors=True)
         raise
-    fcntl.flock(lock, fcntl.LOCK_EX)
     return lock
 
 

@@ -22,7 +22,7 @@ def require_record_extra() -> None:
 
 
 def prepare_folder(path: Path) -> Path:
-    """Make the folder for recordings, and see that it can be written to.
+    """Make the folder for recordings, and see that it can be written to; ``~`` is a home folder.
 
     Raises
     ------
@@ -30,10 +30,12 @@ def prepare_folder(path: Path) -> Path:
         If it cannot.
     """
     try:
+        path = path.expanduser()
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # the latter: there is no such home folder
+        reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"the folder for recordings {path} cannot be made ({error.strerror})", "a folder"
+            f"the folder for recordings {path} cannot be made ({reason})", "a folder"
         ) from error
     if not os.access(path, os.W_OK | os.X_OK):
         raise ConfigError(f"the folder for recordings {path} cannot be written to")

@@ -41,16 +41,18 @@ def record(
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     name = free_name(folder, f"{config.vehicle.name}-{stamp}")
     recorder = Recorder(folder, name, config.record, time.monotonic_ns, warn)
-    for events in follower.events():
-        for message, payload in events:
-            if isinstance(message, SessionHeader):
-                recorder.open(message, payload)
-            elif isinstance(message, FlowGrid):
-                recorder.add_flow(message)
-            else:
-                recorder.add(message, payload)
-        show(recorder)
-    recorder.close()
+    try:
+        for events in follower.events():
+            for message, payload in events:
+                if isinstance(message, SessionHeader):
+                    recorder.open(message, payload)
+                elif isinstance(message, FlowGrid):
+                    recorder.add_flow(message)
+                else:
+                    recorder.add(message, payload)
+            show(recorder)
+    finally:
+        recorder.close()
     counts = recorder.counts
     counts.missing += follower.dropped
     if counts.missing or counts.dropped:

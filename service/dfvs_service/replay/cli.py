@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import program_parser, require_file
+from dfvs_common.command_line import program_parser, require_replaceable
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import StatusLine, warn
 from dfvs_service.page.page import require_page_extra
@@ -53,8 +53,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     require_record_extra()
     if arguments.html is not None:
         require_page_extra("--html")
-    require_file("--json", arguments.json)
-    require_file("--html", arguments.html, ".html")
+    require_replaceable("--json", arguments.json)
+    require_replaceable("--html", arguments.html, ".html")
     # ONNX Runtime, MCAP and protobuf take their time to load.
     from dfvs_service.replay.comparison import as_document, compare
     from dfvs_service.replay.flight import Trial, replay

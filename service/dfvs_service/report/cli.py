@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import program_parser, require_file
+from dfvs_common.command_line import program_parser, require_replaceable
 from dfvs_common.lifecycle import EXIT_OK, give_way_to_flights, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
@@ -92,9 +92,9 @@ def _write(arguments: argparse.Namespace) -> int:
     require_page_extra("dfvs-report")
     source = _source(arguments)
     page = arguments.out or Path(f"{source.name}.html")
-    require_file("--out", page, ".html")
+    require_replaceable("--out", page, ".html")
     video = arguments.film or page.with_suffix(".webm")
-    require_file("--film", video, ".webm")
+    require_replaceable("--film", video, ".webm")
     # Jinja2 and OpenCV take their time to load.
     from dfvs_service.report.flight_page import make_report
 

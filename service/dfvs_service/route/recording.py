@@ -3,6 +3,7 @@
 import dataclasses
 import enum
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -158,13 +159,15 @@ def prepare_route_folder(folder: Path) -> None:
     Raises
     ------
     ConfigError
-        If it cannot be made, or holds images already.
+        If it cannot be made or written, or holds images already.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         is_empty = not any(is_image(path) for path in folder.iterdir())
     except OSError as error:
         raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ConfigError(f"{folder} cannot be written", "a folder that is writable")
     if not is_empty:
         raise ConfigError(f"{folder} holds images already", "an empty folder for the new route")
 

@@ -4,6 +4,7 @@ import datetime
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.file_order import numbered
 from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.geometry.camera import CameraModel, calibration_difference
@@ -114,7 +115,7 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
 
 
 def route_images(places: Sequence[Path]) -> list[Path]:
-    """Images of a route: those that are named, and in place of a folder those in it, by name.
+    """Images of a route: those that are named, and in place of a folder those in it, in order.
 
     Raises
     ------
@@ -123,11 +124,17 @@ def route_images(places: Sequence[Path]) -> list[Path]:
     """
     paths: list[Path] = []
     for place in places:
-        inside = sorted(p for p in place.iterdir() if is_image(p)) if place.is_dir() else [place]
+        inside = images_in(place) if place.is_dir() else [place]
         if not inside:
             raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
         paths += inside
     return paths
+
+
+def images_in(folder: Path) -> list[Path]:
+    """Images of a folder in the order of their names, numbers in these by their value."""
+    images = (path for path in folder.iterdir() if is_image(path))
+    return sorted(images, key=lambda path: (numbered(path), path.name))
 
 
 def is_image(path: Path) -> bool:

@@ -216,6 +216,8 @@ def test_another_model_is_tried_on_the_same_frames(recording):
         (["nowhere.mcap", "--json", "/nowhere/r.json"], "/nowhere/r.json lies in no folder"),
         (["nowhere.mcap", "--json", "/"], "--json / is a folder"),
         (["nowhere.mcap", "--html", "/"], "--html / is a folder"),
+        (["nowhere.mcap", "--json", "/proc/self/r.json"], "--json /proc/self/r.json cannot be wri"),
+        (["nowhere.mcap", "--html", "/proc/self/r.html"], "--html /proc/self/r.html cannot be wri"),
         (["nowhere.mcap", "--html", "r.pdf"], "a name that ends in .html"),
         ([__file__], "is not a recording"),
     ],

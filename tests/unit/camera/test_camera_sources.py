@@ -2,6 +2,7 @@
 
 import contextlib
 import struct
+import sys
 import time
 
 import cv2
@@ -90,11 +91,19 @@ def test_a_live_source_that_cannot_be_opened_may_come_back(word, problem):
 
 
 @pytest.mark.parametrize(
-    "source", ["rtsp://pilot:se:cret@127.0.0.1:9/x", "gst:rtspsrc location=rtsp://a:b@h ! appsink"]
+    "source",
+    [
+        "rtsp://pilot:se:cret@127.0.0.1:9/x",
+        "rtsp://pilot:se@cret@127.0.0.1:9/x",
+        "rtsp://pilot@example.org:secret@127.0.0.1:9/x",
+        "gst:rtspsrc location=rtsp://a:b@h ! appsink",
+        "gst:rtspsrc location=rtsp://h user-id=a user-pw=secret ! appsink",
+        'gst:rtspsrc location=rtsp://h user-pw="se cret" ! appsink',
+    ],
 )
 def test_the_password_of_a_stream_stays_out_of_what_is_shown(source):
     spec = parse_source(source)
-    assert ":***@" in str(spec)
+    assert "***" in str(spec)
     assert "cret" not in str(spec) + spec.shown
     assert "a:b@" not in str(spec) + spec.shown
     assert spec.place == source.removeprefix("gst:")
@@ -119,6 +128,26 @@ def test_picamera2_that_was_built_for_another_numpy_is_named_as_the_cause(tmp_pa
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(CameraError, match=r"size changed.*simplejpeg"):
         open_source(parse_source("picamera"), SourceOptions())
+
+
+def test_a_pi_camera_that_does_not_start_is_given_back_to_be_tried_again(tmp_path, monkeypatch):
+    (tmp_path / "picamera2.py").write_text(
+        "class Picamera2:\n"
+        "    taken = False\n"
+        "    def __init__(self, number):\n"
+        "        if Picamera2.taken: raise RuntimeError('Device or resource busy')\n"
+        "        Picamera2.taken = True\n"
+        "    global_camera_info = staticmethod(lambda: [{}])\n"
+        "    create_video_configuration = lambda self, **_: {}\n"
+        "    configure = lambda self, _: None\n"
+        "    def start(self): raise RuntimeError('Camera frontend has timed out')\n"
+        "    def close(self): Picamera2.taken = False\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for _ in range(2):
+        with pytest.raises(SourceLostError, match="timed out"):
+            open_source(parse_source("picamera"), SourceOptions())
+    monkeypatch.delitem(sys.modules, "picamera2")
 
 
 def test_a_file_that_is_no_video_is_refused(tmp_path):
@@ -205,3 +234,16 @@ def test_the_latency_counts_wherever_the_time_of_capture_is_not_told(kind, monke
 def test_a_latency_of_a_source_that_tells_the_time_of_capture_is_refused(word, refused):
     line = refused(cli.main, "goal", "--source", word, *LATE, *FOV, "--out", "goal.png")
     assert "--latency-ms beside" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("0", "--loop"), "--loop beside V4L2 device /dev/video0"),
+        (("rtsp://a:b@127.0.0.1:9/x", "--rate", "5"), "--rate beside stream rtsp://a:***@127"),
+        (("gst:videotestsrc ! appsink", "--rate", "5"), "--rate beside GStreamer pipeline"),
+        ((".", "--format", "raw", "--quality", "50"), "--quality beside --format raw"),
+    ],
+)
+def test_an_option_without_effect_on_the_source_is_refused(words, message, refused):
+    assert message in refused(cli.main, "--source", *words)

@@ -1,5 +1,8 @@
 """What options of several commands may say."""
 
+import contextlib
+import sys
+
 import pytest
 
 from dfvs_common.command_line import parse_size
@@ -20,3 +23,12 @@ def test_what_is_no_size_is_refused_with_the_option(text):
 def test_an_error_of_the_system_is_one_line_with_the_file_and_exit_code_2(tmp_path, capsys):
     assert run_command(lambda: len((tmp_path / "none").read_bytes())) == 2
     assert capsys.readouterr().err == f"error: {tmp_path}/none: No such file or directory\n"
+
+
+def test_an_error_that_cannot_be_printed_has_its_exit_code(tmp_path, monkeypatch):
+    with open("/dev/full", "w", encoding="utf-8", buffering=1) as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        assert run_command(lambda: len((tmp_path / "none").read_bytes())) == 2
+        monkeypatch.undo()
+        with contextlib.suppress(OSError):
+            full.close()

@@ -1,10 +1,11 @@
 """Lines of progress: rewritten in a terminal, silent elsewhere."""
 
 import io
+import sys
 
 import pytest
 
-from dfvs_common.progress import StatusLine
+from dfvs_common.progress import StatusLine, log, warn
 
 
 class Terminal(io.StringIO):
@@ -46,3 +47,23 @@ def test_a_file_gets_nothing():
     line.clear()
     line.end()
     assert file.getvalue() == ""
+
+
+def no_space(*_):
+    raise OSError("No space left on device")
+
+
+def test_a_standard_error_that_takes_nothing_ends_no_work(monkeypatch):
+    full = Terminal()
+    monkeypatch.setattr(full, "flush", no_space)
+    monkeypatch.setattr(sys, "stderr", full)
+    log("a line")
+    warn("a doubt")
+
+
+def test_a_terminal_that_is_gone_ends_no_work(terminal, monkeypatch):
+    monkeypatch.setattr(terminal, "write", no_space)
+    line = StatusLine(terminal)
+    line.show("1 of 2")
+    line.clear()
+    line.end()

@@ -1,5 +1,7 @@
 """Where flights lie, what they are called, and which go first."""
 
+import errno
+import fcntl
 from pathlib import Path
 
 import pytest
@@ -92,6 +94,18 @@ def test_others_may_not_read_a_flight(tmp_path):
     folder, lock = store.create("drone1", T_S)
     lock.close()
     assert [path.stat().st_mode & 0o077 for path in (store.path, folder)] == [0, 0]
+
+
+def test_a_file_system_without_locks_is_left_without_empty_flights(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    store = FlightStore(tmp_path)
+    for _ in range(2):
+        with pytest.raises(OSError, match="not implemented"):
+            store.create("drone1", T_S)
+    assert store.names() == []
 
 
 @pytest.mark.parametrize("name", ["20231114T221320Z-drone9", "../../etc", "latest"])

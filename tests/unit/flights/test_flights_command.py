@@ -1,11 +1,14 @@
 """``dfvs-service flights``: whole flights, and what a crash or a power loss leaves of them."""
 
 import json
+import os
 import zipfile
+from pathlib import Path
 
 import pytest
 
 from dfvs_service.cli import main
+from dfvs_service.flights.cli import export_flight
 from dfvs_service.flights.store import FlightStore
 
 S = 1_000_000_000
@@ -174,6 +177,34 @@ def test_an_export_holds_every_file_of_the_flight(flights, tmp_path, capsys):
     names = ("flight.json", "gate.jsonl", "service.jsonl", "thumbnails/1.jpg")
     assert files == {f"{folder.name}/{name}": (folder / name).read_bytes() for name in names}
     assert "4 files" in capsys.readouterr().out
+
+
+def test_an_export_from_a_clock_that_was_never_set_is_a_whole_zip(flights, tmp_path):
+    folder = fly(flights, SERVO, [end(1)])
+    os.utime(folder / "gate.jsonl", (0, 0))
+    target = tmp_path / "flight.zip"
+    assert main(["flights", "export", "latest", str(target)]) == 0
+    with zipfile.ZipFile(target) as archive:
+        assert archive.read(f"{folder.name}/gate.jsonl") == (folder / "gate.jsonl").read_bytes()
+
+
+def test_an_export_into_the_flight_s_own_folder_does_not_hold_itself(flights, monkeypatch):
+    monkeypatch.chdir(fly(flights, SERVO, [end(1)]))
+    assert main(["flights", "export", "latest", "flight.zip"]) == 0
+    with zipfile.ZipFile("flight.zip") as archive:
+        names = {Path(name).name for name in archive.namelist()}
+    assert names == {"flight.json", "gate.jsonl", "service.jsonl"}
+
+
+def test_an_export_that_is_ended_leaves_nothing_behind(flights, tmp_path, monkeypatch):
+    def end_by_signal(*_):
+        raise SystemExit(143)
+
+    folder = fly(flights, [], [end(1)])
+    monkeypatch.setattr(os, "replace", end_by_signal)
+    with pytest.raises(SystemExit):
+        export_flight(folder, tmp_path / "flight.zip")
+    assert not list(tmp_path.glob("flight.zip*"))
 
 
 def test_an_export_replaces_nothing(flights, tmp_path, capsys):

@@ -250,6 +250,8 @@ def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, cap
         (["latest", "--out", "/"], "--out / is a folder"),
         (["latest", "--out", "flight.pdf"], "'flight.pdf'; expected a name that ends in .html"),
         (["latest", "--film", "/no/such/folder/x.webm"], "x.webm lies in no folder"),
+        (["latest", "--film", "/proc/self/x.webm"], "--film /proc/self/x.webm cannot be written"),
+        (["latest", "--out", "/proc/self/x.html", "--film", "x.webm"], "x.html cannot be written"),
         (["latest", "--film", "film.avi"], "'film.avi'; expected a name that ends in .webm"),
         (["latest", "--engagement", "2"], "--engagement 2; the flight has 1"),
         (["latest", "--truth", "/no/such/file"], "cannot be read from /no/such/file"),

@@ -98,6 +98,19 @@ def test_a_router_s_file_that_was_changed_by_hand_stays_beside_the_new_one(tmp_p
     assert "move it away" in refused(main, "--out", tmp_path)
 
 
+def test_a_router_s_file_that_finds_no_room_leaves_the_old_one(tmp_path):
+    assert main(["--out", str(tmp_path)]) == 0
+    path = tmp_path / "router" / "router.json5"
+    before = path.read_bytes()
+    assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 0
+    path.write_bytes(before)
+    with no_file_above(len(before)):
+        assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 2
+    assert path.read_bytes() == before
+    assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 0
+    assert "service.drone2" in path.read_text(encoding="utf-8")
+
+
 def end_of(folder, name):
     return read_certificate(folder / name / "certificate.pem").not_valid_after_utc
 

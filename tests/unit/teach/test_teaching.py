@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route import RouteRecordingLimits
 from dfvs_service import cli
+from dfvs_service.camera.sources.source import image_paths
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.route.cli import RouteProgress
@@ -193,6 +195,11 @@ def test_a_folder_with_an_image_in_it_is_refused(name, tmp_path):
         prepare_route_folder(tmp_path / "new")
 
 
+def test_a_folder_that_takes_no_files_is_refused_before_the_flight():
+    with pytest.raises(ConfigError, match="cannot be written"):
+        prepare_route_folder(Path("/proc/self"))
+
+
 def test_a_goal_is_written_whole_or_not_at_all(tmp_path):
     sidecar = sidecar_of(CAMERA, Mount(), None)
     with pytest.raises(ConfigError, match="cannot be written"):
@@ -200,6 +207,14 @@ def test_a_goal_is_written_whole_or_not_at_all(tmp_path):
     assert list(tmp_path.iterdir()) == []
     write_goal(tmp_path / "goal.png", picture(1.0), sidecar)
     assert json.loads((tmp_path / "goal.json").read_text())["camera"]["width"] == CAMERA.width
+
+
+def test_the_pictures_of_a_route_are_in_the_order_of_their_numbers(tmp_path):
+    for name in ("10.png", "1000.png", "101.png", "2.png", "02.png"):
+        (tmp_path / name).write_bytes(b"")
+    names = [p.name for p in route_images([tmp_path])]
+    assert names == ["02.png", "2.png", "10.png", "101.png", "1000.png"]
+    assert [p.name for p in image_paths(str(tmp_path))] == names
 
 
 def test_the_pictures_of_a_route_come_by_name_or_in_the_order_given(tmp_path):

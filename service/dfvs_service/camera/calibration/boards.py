@@ -16,6 +16,8 @@ _BOARD = re.compile(
 )
 _DICTIONARY = "5X5_100"
 FEWEST_CORNERS = 8
+_MOST_SHEET_PX = 200_000_000
+"""Largest board that is drawn: A0 at 300 dpi has 140 million px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,14 +142,34 @@ class Board:
         return points.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2)
 
     def draw(self, square_px: int, margin_px: int = 0) -> ImageArray:
-        """Image (H, W) of the board."""
+        """Image (H, W) of the board.
+
+        Raises
+        ------
+        ConfigError
+            If it is too large for an image, or its squares too small for the markers.
+        """
         spec = self.spec
         size = (spec.columns * square_px + 2 * margin_px, spec.rows * square_px + 2 * margin_px)
+        if size[0] * size[1] > _MOST_SHEET_PX:
+            raise ConfigError(
+                f"a sheet of {size[0]} x {size[1]} px",
+                f"at most {_MOST_SHEET_PX // 1_000_000} million px",
+                "choose a lower --dpi or smaller squares",
+            )
         if self._charuco is not None:
-            return np.asarray(self._charuco.generateImage(size, None, margin_px), np.uint8)
+            try:
+                return np.asarray(self._charuco.generateImage(size, None, margin_px), np.uint8)
+            except cv2.error as error:
+                raise ConfigError(
+                    f"squares of {square_px} px are too small for the markers",
+                    "a px or more for each cell of a marker",
+                    "choose a higher --dpi or larger squares",
+                ) from error
         dark = np.add.outer(np.arange(spec.rows), np.arange(spec.columns)) % 2 == 0
-        squares = np.kron(np.where(dark, 0, 255), np.ones((square_px, square_px)))
-        return np.pad(squares, margin_px, constant_values=255).astype(np.uint8)
+        square = np.ones((square_px, square_px), np.uint8)
+        squares = np.kron(np.where(dark, 0, 255).astype(np.uint8), square)
+        return np.pad(squares, margin_px, constant_values=255)
 
 
 def _on_a_line(points_m: Float32Array) -> bool:

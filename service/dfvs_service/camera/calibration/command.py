@@ -76,7 +76,7 @@ def run_board(words: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
     arguments = parser.parse_args(words)
     board = Board(parse_board(arguments.board))
-    require_file("--out", arguments.out, ".png")
+    require_replaceable("--out", arguments.out, ".png")
     require_range(arguments, 50, 1200, "dpi")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
     image = board.draw(square_px, square_px // 2)

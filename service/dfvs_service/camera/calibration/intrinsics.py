@@ -123,10 +123,10 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
         raise ConfigError(
             f"the images fix no camera ({error.err})", "boards at different tilts"
         ) from error
-    if not np.isfinite(rms):
+    fx, fy, cx, cy = (float(value) for value in np.asarray(deviations).reshape(-1)[:4])
+    if not np.isfinite([rms, fx, fy, cx, cy]).all():
         raise ConfigError("the images fix no camera", "boards at different tilts")
     coefficients = np.asarray(distortion).reshape(-1)[: _COEFFICIENTS[lens]]
-    fx, fy, cx, cy = (float(value) for value in np.asarray(deviations).reshape(-1)[:4])
     return _Fit(
         float(rms),
         np.asarray(K),

@@ -1,5 +1,6 @@
 """Image source of the Raspberry Pi's cameras through Picamera2."""
 
+import contextlib
 import time
 from typing import Any
 
@@ -42,15 +43,18 @@ class PicameraSource:
             raise CameraError(f"there is no Pi camera {number}", "a camera that libcamera lists")
         self.rate_hz = options.rate_hz or 0.0
         controls = {} if options.rate_hz is None else {"FrameRate": options.rate_hz}
+        # libcamera names formats by their order in memory read backwards: this one is RGB.
+        main = {"size": options.size or _DEFAULT_SIZE, "format": "BGR888"}
         try:
-            self._camera: Any = Picamera2(number)
-            # libcamera names formats by their order in memory read backwards: this one is RGB.
-            main = {"size": options.size or _DEFAULT_SIZE, "format": "BGR888"}
-            configuration = self._camera.create_video_configuration(
-                main=main, controls=controls, queue=False
-            )
-            self._camera.configure(configuration)
-            self._camera.start()
+            with contextlib.ExitStack() as on_failure:
+                self._camera: Any = Picamera2(number)
+                on_failure.callback(self._camera.close)
+                configuration = self._camera.create_video_configuration(
+                    main=main, controls=controls, queue=False
+                )
+                self._camera.configure(configuration)
+                self._camera.start()
+                on_failure.pop_all()
         except RuntimeError as error:
             raise SourceLostError(f"the Pi camera {number} cannot be started ({error})") from error
 

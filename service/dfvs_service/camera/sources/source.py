@@ -8,7 +8,7 @@ from typing import Protocol
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec
 from dfvs_service.frames import CapturedImage
-from dfvs_service.settings.goal_file import is_image, read_image
+from dfvs_service.settings.goal_file import images_in, read_image
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Source(Protocol):
 
 
 def image_paths(place: str) -> list[Path]:
-    """Images of a folder in the order of their names, or the one image that is named.
+    """Images of a folder, see :func:`images_in`, or the one image that is named.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def image_paths(place: str) -> list[Path]:
     path = Path(place)
     if path.is_file():
         return [path]
-    paths = sorted(p for p in path.iterdir() if is_image(p))
+    paths = images_in(path)
     if not paths:
         raise CameraError(f"there are no images in {place}", "PNG or JPEG files")
     return paths

@@ -11,7 +11,7 @@ from dfvs_service.settings.goal_file import is_image
 _DEVICES = "/dev/"
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
-_PASSWORD = re.compile(r"(://[^/@\s:]*):[^/@\s]*@")
+_PASSWORD = re.compile(r'(://[^/\s:]*:)[^/\s]*(?=@)|(\buser-pw=)("[^"]*"|\S+)')
 
 
 class CameraError(DfvsError):
@@ -52,8 +52,8 @@ class SourceSpec:
 
     @property
     def shown(self) -> str:
-        """The place as logs and errors may show it: without a URL's password."""
-        return _PASSWORD.sub(r"\1:***@", self.place)
+        """The place as logs and errors may show it: without the password of a URL or rtspsrc."""
+        return _PASSWORD.sub(r"\1\2***", self.place)
 
     def __str__(self) -> str:
         return f"{self.kind} {self.shown}"
