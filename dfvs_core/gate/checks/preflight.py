@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.config import MS, NEVER, GateConfig, S
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import (
-    NEVER,
     Fault,
     VehicleMonitor,
     battery_fault,
