@@ -73,8 +73,7 @@ def make_everything(arguments: argparse.Namespace) -> None:
             print(f"wrote {out / name}")
     everybody = {*earlier.vehicles, *_vehicles_of(path.name for path in out.iterdir()), *vehicles}
     endpoints = earlier.endpoints if listen is None else (listen,)
-    document = router_document(tuple(sorted(everybody)), endpoints)
-    _write_router_file(out / _ROUTER_FILE, document)
+    _write_router_file(out / _ROUTER_FILE, earlier, _Router(endpoints, tuple(sorted(everybody))))
 
 
 def _report_kept(folder: Path, hosts: tuple[str, ...]) -> None:
@@ -121,10 +120,14 @@ def _vehicles_of(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(part[1] for part in parts if part[0] == Role.SERVICE and len(part) == 2)
 
 
-def _write_router_file(path: Path, document: dict[str, object]) -> None:
-    """Write the router's file; one that differs stays beside it, with what was added by hand."""
-    text = json.dumps(document, indent=2) + "\n"
-    if path.exists() and path.read_text(encoding="utf-8") != text:
+def _text_of(router: _Router) -> str:
+    return json.dumps(router_document(router.vehicles, router.endpoints), indent=2) + "\n"
+
+
+def _write_router_file(path: Path, earlier: _Router, router: _Router) -> None:
+    """Write the router's file; one that is not as ``earlier`` was written stays beside it."""
+    text = _text_of(router)
+    if path.exists() and path.read_text(encoding="utf-8") not in (text, _text_of(earlier)):
         old = path.with_name(f"{path.name}.old")
         path.replace(old)
         print(f"kept  {old}: carry over what you added to it")
