@@ -38,6 +38,7 @@ class TransitionState:
         self.perception = PerceptionMonitor(config.timing)
         self.stream = SetpointStream(config)
         self._engagement = begin(self.vehicle, t_ns)
+        self._engagement.start_m = (math.nan, math.nan, math.nan)  # of no engagement yet
         self._now = t_ns
         self._since = t_ns
         self._passing_since: int | None = None
@@ -61,7 +62,7 @@ class TransitionState:
 
     @property
     def distance_m(self) -> float:
-        """Distance from where the gate was engaged last."""
+        """Distance from where the gate was engaged last, NaN before it ever was."""
         return math.dist(self.vehicle.position.position_m, self._engagement.start_m)
 
     def checks(self) -> tuple[Check, ...]:

@@ -162,7 +162,9 @@ def _add_flight_options(parser: argparse.ArgumentParser, *, needs_goal: bool = F
         help="who engages: the pilot's switch to OFFBOARD (default), the service, or a command",
     )
     parser.add_argument("--mavlink", metavar="URL", help="connection (vehicle.mavlink)")
-    parser.add_argument("--model", metavar="NAME", help="'classical' or a model's folder")
+    parser.add_argument(
+        "--model", metavar="NAME", help="'classical', a bundle's name or its folder (flow.model)"
+    )
     parser.add_argument(
         "--camera-fov", type=float, metavar="DEG", help="horizontal field of view of the camera"
     )

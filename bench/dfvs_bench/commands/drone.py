@@ -41,7 +41,7 @@ from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-bench drone --json drone.json --csv drone.csv
-  dfvs-bench drone --scenes hall --set limits.horizontal_m_s=0.8 --runs fast-runs
+  dfvs-bench drone --scenes hall --set limits.horizontal_m_s=0.3 --runs slow-runs
   dfvs-bench drone --autopilot udpin://127.0.0.1:14540 --runs px4-runs
 
 Every task is flown in real time, one after the other, as dfvs-demo flies: vehicle, camera, pilot

@@ -40,10 +40,13 @@ _EPILOG = """\
 examples:
   dfvs-camera goal --source 0 --calibration camera.toml --config service.toml \\
       --mavlink udpin://127.0.0.1:14540 --out goal.png
-  dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
+  dfvs-camera goal --source zenoh --calibration camera.toml --config service.toml \\
+      --attitude 0,-2.5 --out goal.png
 
---source zenoh takes the image from the camera that publishes for the service. Of several
-usable images the sharpest is kept. Exit code: 0 done, 2 cannot run.
+--source zenoh takes the image from the camera that publishes for the service. Without
+--calibration that of the settings counts, else the one that the camera announces
+(camera.announced_s). Of several usable images the sharpest is kept. Exit code: 0 done, 2 cannot
+run.
 """
 
 

@@ -74,8 +74,7 @@ def make_everything(arguments: argparse.Namespace) -> None:
             print(f"wrote {out / name}")
     everybody = {*earlier.vehicles, *_vehicles_of(path.name for path in out.iterdir()), *vehicles}
     endpoints = earlier.endpoints if listen is None else (listen,)
-    document = router_document(tuple(sorted(everybody)), endpoints)
-    _write_router_file(out / _ROUTER_FILE, document)
+    _write_router_file(out / _ROUTER_FILE, earlier, _Router(endpoints, tuple(sorted(everybody))))
 
 
 def _report_kept(folder: Path, hosts: tuple[str, ...]) -> None:
@@ -122,12 +121,17 @@ def _vehicles_of(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(part[1] for part in parts if part[0] == Role.SERVICE and len(part) == 2)
 
 
-def _write_router_file(path: Path, document: dict[str, object]) -> None:
-    """Write the router's file; one that differs stays beside it, with what was added by hand."""
-    text = (json.dumps(document, indent=2) + "\n").encode()
-    if path.exists() and (earlier := path.read_bytes()) != text:
+def _text_of(router: _Router) -> bytes:
+    document = router_document(router.vehicles, router.endpoints)
+    return (json.dumps(document, indent=2) + "\n").encode()
+
+
+def _write_router_file(path: Path, earlier: _Router, router: _Router) -> None:
+    """Write the router's file; one that is not as ``earlier`` was written stays beside it."""
+    text = _text_of(router)
+    if path.exists() and (found := path.read_bytes()) not in (text, _text_of(earlier)):
         old = path.with_name(f"{path.name}.old")
-        write_atomic(old, earlier)
+        write_atomic(old, found)
         print(f"kept  {old}: carry over what you added to it")
     write_atomic(path, text)
     print(f"wrote {path}; start the router with: cd {path.parent} && zenohd -c {path.name}")

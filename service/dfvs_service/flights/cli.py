@@ -23,7 +23,9 @@ examples:
   dfvs-service flights show latest                         what happened in the newest one
   dfvs-service flights show 20260102T101112Z-drone1 --json
   dfvs-service flights export latest flight.zip            all of its files
-  sudo dfvs-service flights --folder /var/lib/dfvs/flights those of the systemd service
+
+those of the systemd service:
+  sudo -u dfvs /opt/dfvs/bin/dfvs-service flights --folder /var/lib/dfvs/flights
 
 exit code: 0 done, 2 there is no such flight, or it cannot be read or written
 """

@@ -14,7 +14,7 @@ from dfvs_core.messages.schema import dump
 from dfvs_service.replay.rerun import Rerun
 
 MATCH_STAGES = ("prepare", "match")
-LOOK_STAGES = ("decode", "prepare", "match", "servo")
+FRAME_STAGES = ("decode", "prepare", "match", "servo")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +133,8 @@ def _latency(reruns: Sequence[Rerun]) -> dict[str, Percentiles]:
     return {
         "match_recorded": _percentiles([sum(s[k] for k in MATCH_STAGES) for s in flown]),
         "match_replayed": _percentiles([r.match_ns for r in whole]),
-        "look_recorded": _percentiles([sum(s[k] for k in LOOK_STAGES) for s in flown]),
-        "look_replayed": _percentiles([r.look_ns for r in whole]),
+        "frame_recorded": _percentiles([sum(s[k] for k in FRAME_STAGES) for s in flown]),
+        "frame_replayed": _percentiles([r.frame_ns for r in whole]),
     }
 
 

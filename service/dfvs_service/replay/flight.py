@@ -136,9 +136,9 @@ class FlightReplay:
         sample = RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
         timed.spent_ns, start_ns = 0, time.monotonic_ns()
         self.processed = self._processor.process(sample)
-        look_ns, match_ns = time.monotonic_ns() - start_ns, timed.spent_ns
+        frame_ns, match_ns = time.monotonic_ns() - start_ns, timed.spent_ns
         self._processor.pipeline.work_between_frames()
-        return Rerun(record, self.processed.report, match_ns, look_ns)
+        return Rerun(record, self.processed.report, match_ns, frame_ns)
 
 
 def _set_goal(pipeline: Pipeline, header: SessionHeader, goal: Goal, config: ServiceConfig) -> None:

@@ -22,14 +22,14 @@ from dfvs_service.settings.config import ServiceConfig
 class Rerun:
     """One frame, as it was in flight and as it is now.
 
-    ``match_ns`` and ``look_ns`` say how long matching and all of the look took now;
+    ``match_ns`` and ``frame_ns`` say how long matching and the whole frame took now;
     ``FrameInput.stages_ns`` says so for then.
     """
 
     record: FrameRecord
     report: PerceptionReport
     match_ns: int
-    look_ns: int
+    frame_ns: int
 
     @property
     def is_identical(self) -> bool:

@@ -91,6 +91,12 @@ def test_too_far_from_the_start_aborts():
     assert 5.0 < gate.machine.distance_m < 5.1
 
 
+def test_before_the_first_engagement_no_distance_from_its_start_is_known():
+    gate = Rehearsal(auto_config()).until(GateState.READY)
+    assert math.isnan(gate.machine.distance_m)
+    assert gate.until(GateState.SERVO).machine.distance_m < 0.1
+
+
 def test_too_long_engaged_aborts():
     gate = Rehearsal(auto_config(max_engaged_ns=10 * S)).until(GateState.ENGAGE)
     start_ns = gate.now_ns

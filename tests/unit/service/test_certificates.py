@@ -111,6 +111,22 @@ def test_a_router_s_file_that_finds_no_room_leaves_the_old_one(tmp_path):
     assert "service.drone2" in path.read_text(encoding="utf-8")
 
 
+def test_a_router_s_file_as_it_was_written_is_replaced_and_what_was_kept_by_hand_stays(
+    tmp_path, capsys
+):
+    assert main(["--out", str(tmp_path), "--vehicle", "drone1"]) == 0
+    assert main(["--out", str(tmp_path), "--vehicle", "drone2"]) == 0
+    path = tmp_path / "router" / "router.json5"
+    old = path.with_name("router.json5.old")
+    assert not old.exists()
+    assert "carry over" not in capsys.readouterr().out
+    edited = path.read_text(encoding="utf-8").replace("{", '{ "id": "aa",', 1)
+    path.write_text(edited, encoding="utf-8")
+    for name in ("drone3", "drone4"):
+        assert main(["--out", str(tmp_path), "--vehicle", name]) == 0
+    assert old.read_text(encoding="utf-8") == edited
+
+
 def end_of(folder, name):
     return read_certificate(folder / name / "certificate.pem").not_valid_after_utc
 

@@ -54,7 +54,8 @@ def _board_option(parser: argparse.ArgumentParser) -> None:
         "--board",
         required=True,
         metavar="BOARD",
-        help="charuco:COLUMNSxROWS:SQUARE:MARKER or chessboard:COLUMNSxROWS:SQUARE, in squares, m",
+        help="charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE, "
+        "in squares, m",
     )
 
 
