@@ -31,8 +31,15 @@ def test_another_reason_is_told_and_another_number_is_not():
 
 
 def test_of_reasons_that_keep_changing_one_is_told_every_30_s():
-    changing = [(t / 5, (LATE, FAR, None)[t % 3]) for t in range(500)]
+    checks = [Check("frames", False, "no frame" + "!" * k) for k in range(3)]
+    changing = [(t / 5, checks[t % 3]) for t in range(700)]
     assert [int(t) // 30 for t, _ in told(*changing)] == [1, 2, 3]
+
+
+def test_a_check_that_comes_and_goes_is_told_once_and_again_after_30_s_without_it():
+    flapping = [(t / 5, (LATE, None)[t // 25 % 2]) for t in range(1000)]
+    later = standing(None, 200, 231) + standing(LATE, 231, 240)
+    assert [t for t, _ in told(*flapping, *later)] == [3.0, 231.0]
 
 
 def test_passing_checks_advice_and_other_states_are_not_told():
