@@ -178,8 +178,11 @@ def has_expired(certificate: x509.Certificate) -> bool:
 
 def is_for_host(certificate: x509.Certificate, host: str) -> bool:
     """Whether a certificate names a machine; see :func:`host_name`."""
-    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    return host_name(host) in names
+    return any(
+        isinstance(extension.value, x509.SubjectAlternativeName)
+        and host_name(host) in extension.value
+        for extension in certificate.extensions
+    )
 
 
 def read_authority(folder: Path) -> Credentials:

@@ -20,6 +20,7 @@ from full_disk import no_file_above
 from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
     Validity,
+    is_for_host,
     make_authority,
     make_certificate,
     read_certificate,
@@ -174,6 +175,10 @@ def test_a_certificate_that_is_kept_tells_which_host_it_lacks(tmp_path, capsys):
         "service.drone1",
     ]
     assert all("is not for ground.local: move it away" in line for line in lines)
+
+
+def test_a_certificate_of_ones_own_that_names_no_machine_is_for_no_host(tmp_path):
+    assert not is_for_host(with_authority(tmp_path, days(-1, 65)).certificate, "10.0.0.1")
 
 
 def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, refused):
