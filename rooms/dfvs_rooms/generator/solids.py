@@ -7,6 +7,7 @@ image spans. Those of stretched textures run from 0 to 1.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -94,15 +95,18 @@ def corners(x: float, y: float) -> list[tuple[float, float]]:
     return [(i * x, j * y) for i in (-1, 1) for j in (-1, 1)]
 
 
+@functools.lru_cache(maxsize=1024)
 def grid_triangles(rows: int, columns: int) -> Int32Array:
-    """Triangles of a grid of rows x columns vertices, with alternating diagonals."""
+    """Triangles of a grid of rows x columns vertices, with alternating diagonals; read-only."""
     j, i = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
     a = (j * columns + i).ravel()
     b, c, d = a + 1, a + columns, a + columns + 1
     even = ((i + j) % 2 == 0).ravel()
     first = np.where(even[:, None], np.stack([a, b, d], 1), np.stack([a, b, c], 1))
     second = np.where(even[:, None], np.stack([a, d, c], 1), np.stack([b, d, c], 1))
-    return np.concatenate([first, second]).astype(np.int32)
+    triangles = np.concatenate([first, second]).astype(np.int32)
+    triangles.flags.writeable = False  # it is kept: most panels of a room have few sizes
+    return triangles
 
 
 def quad_triangles(count: int) -> Int32Array:
