@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_process import free_port
+from watching import watched_autopilot
 
 from dfvs_core.gate.events import AmbiguousLink, ForeignSetpoint, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
@@ -84,13 +85,16 @@ def link() -> Iterator[tuple[Senders, str]]:
         yield senders, f"udpin://127.0.0.1:{port}"
 
 
-def connected(url: str, system_id: int = 0) -> tuple[Autopilot, "queue.Queue[VehicleEvent]"]:
+@contextlib.contextmanager
+def connected(
+    url: str, system_id: int = 0
+) -> Iterator[tuple[Autopilot, "queue.Queue[VehicleEvent]"]]:
     """Connect and watch as the gate does."""
     events: queue.Queue[VehicleEvent] = queue.Queue()
     autopilot = Autopilot(events.put, lambda _kind, _text: None, system_id=system_id)
     autopilot.connect(url, PATIENCE_S)
-    threading.Thread(target=autopilot.watch, args=(print,), daemon=True).start()
-    return autopilot, events
+    with watched_autopilot(autopilot, print):
+        yield autopilot, events
 
 
 def setpoint(target_system: int) -> mavlink.MAVLink_message:
@@ -114,8 +118,8 @@ def test_setpoints_for_an_autopilot_of_another_system_id_than_1_are_heard(sender
     with link() as (senders, url):
         senders.add(2, 1, MULTIROTOR)
         senders.add(*sender, GROUND_STATION, setpoint(2))
-        _, events = connected(url, system_id)
-        foreign = await_item(events, lambda event: isinstance(event, ForeignSetpoint))
+        with connected(url, system_id) as (_, events):
+            foreign = await_item(events, lambda event: isinstance(event, ForeignSetpoint))
         assert "system {}, component {}".format(*sender) in foreign.detail
 
 
@@ -124,8 +128,8 @@ def test_several_autopilots_on_a_link_are_reported_with_their_ids():
         senders.add(255, 190, GROUND_STATION)
         senders.add(7, 1, MULTIROTOR)
         senders.add(3, 1, MULTIROTOR)
-        _, events = connected(url)
-        ambiguity = await_item(events, lambda event: isinstance(event, AmbiguousLink))
+        with connected(url) as (_, events):
+            ambiguity = await_item(events, lambda event: isinstance(event, AmbiguousLink))
         assert "systems 3 and 7" in ambiguity.detail
         assert "255" not in ambiguity.detail
 
@@ -149,10 +153,10 @@ def test_the_autopilot_that_the_settings_name_is_commanded_and_no_other():
     with link() as (senders, url):
         first = senders.add(7, 1, MULTIROTOR)
         ours = senders.add(3, 1, MULTIROTOR)
-        autopilot, events = connected(url, system_id=3)
-        for _ in range(20):
-            autopilot.send_velocity(BodyVelocity(0.1))
-            time.sleep(0.05)
+        with connected(url, system_id=3) as (autopilot, events):
+            for _ in range(20):
+                autopilot.send_velocity(BodyVelocity(0.1))
+                time.sleep(0.05)
         received = await_item(ours, lambda m: m.get_type() == "SET_POSITION_TARGET_LOCAL_NED")
         assert received.target_system == 3
         setpoints = [m for m in list(first.queue) if m.get_type() == received.get_type()]

@@ -4,13 +4,13 @@ import functools
 import queue
 import socket
 import statistics
-import threading
 import time
 
 import pytest
 from gate_flight import hovering_vehicle
 from mavsdk import LogLevel
 from pymavlink.dialects.v20 import development as mavlink
+from watching import watched_autopilot
 
 from dfvs_core.gate.events import (
     CurrentMode,
@@ -57,8 +57,8 @@ def watched(tmp_path_factory):
     with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as vehicle:
         autopilot = Autopilot(heard, lambda kind, text: notes.append((kind, text)))
         autopilot.connect(f"udpin://127.0.0.1:{vehicle.port}", PATIENCE_S)
-        threading.Thread(target=autopilot.watch, args=(notes.append,), daemon=True).start()
-        yield vehicle, heard, notes
+        with watched_autopilot(autopilot, notes.append):
+            yield vehicle, heard, notes
     patch.undo()
 
 
