@@ -14,7 +14,7 @@ K = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize("lens", ["plumb_bob", "rational"])
-def test_a_fit_whose_uncertainty_is_not_finite_fixes_no_camera(lens):
+def test_boards_that_are_never_tilted_fix_no_camera(lens):
     x, y = np.meshgrid(np.arange(6), np.arange(4))
     points_m = np.stack([x.ravel(), y.ravel(), np.zeros(24)], axis=1).astype(np.float32) * 0.04
     pixels = cv2.projectPoints(points_m, np.zeros(3), np.array([-0.1, -0.06, 0.5]), K, None)[0]

@@ -16,6 +16,8 @@ FEWEST_VIEWS = 5
 _PIXEL_CENTRE = 0.5
 """OpenCV puts the first pixel's centre at 0, we at 0.5."""
 _OUTLIER, _OUTLIER_PX = 3.0, 0.5
+_LONGEST_LENS = 100.0
+"""Focal length in image widths, half a degree of view, that only a fit without a base exceeds."""
 
 Lens = Literal["pinhole", "plumb_bob", "rational"]
 _FLAGS = {
@@ -124,7 +126,8 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
             f"the images fix no camera ({error.err})", "boards at different tilts"
         ) from error
     fx, fy, cx, cy = (float(value) for value in np.asarray(deviations).reshape(-1)[:4])
-    if not np.isfinite([rms, fx, fy, cx, cy]).all():
+    is_finite = bool(np.isfinite([rms, fx, fy, cx, cy]).all())
+    if not is_finite or max(K[0, 0], K[1, 1]) > _LONGEST_LENS * size[0]:
         raise ConfigError("the images fix no camera", "boards at different tilts")
     coefficients = np.asarray(distortion).reshape(-1)[: _COEFFICIENTS[lens]]
     return _Fit(
